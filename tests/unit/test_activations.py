@@ -141,7 +141,7 @@ def test_synergies_and_a_linear_map_fill_in_what_moves_in_groups(leg):
     assert r2["linear"] > 0.8
     assert max(r2["static"], r2["rest"]) < r2["synergies"]
     assert all((each.torque is None) == (each.way in ("synergies_assisted", "assisted", "static")) for each in found)
-    with pytest.raises(PellucidError, match="held-out trial to fit"):
+    with pytest.raises(PellucidError, match="held-out trial among the fitted"):
         score_filling_methods(fitted, [second], [first], AssistanceWeights(30.0, 3.0))
 
 
@@ -212,7 +212,7 @@ def test_nothing_to_judge_is_refused(tmp_path, leg):
     opened = study(tmp_path / "leg", leg)
     text = (opened.folder / "study.toml").read_text().rpartition("[[recordings]]")[0]
     (opened.folder / "study.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(PellucidError, match="expected one to fit and one to judge"):
+    with pytest.raises(PellucidError, match="expected one to fit and one held out"):
         activations(open_study(opened.folder))
 
 

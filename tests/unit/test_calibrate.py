@@ -354,7 +354,7 @@ def test_the_torque_of_the_wearer_goes_through_the_strap_that_has_a_card(tmp_pat
     assert isinstance(one, MovedBody)
     assert one.gravity == 12.0
     coupling, strap = ({"stiffness": 20.0, "damping": 1.0}, {"stiffness": 14.0, "damping": 0.5, "hardening": 25.0})
-    said = ["taken for one body"]
+    said = ["modelled as one rigid body"]
     for kind, values, settings, words in (
         ("coupling", coupling, {}, "a spring and a damper"),
         ("strap", strap, {"model": "hardening"}, "strap of its card: it hardens"),

@@ -102,7 +102,7 @@ def test_a_study_keeps_them_and_needs_the_model_once(folder):
         assert np.array_equal(again.polynomials[name].coefficients, polynomial.coefficients)
         assert again.polynomials[name].angles == polynomial.angles
     (folder / "leg.osim").unlink()
-    with pytest.raises(RecordingError, match=r'no such file; its polynomials were kept: use muscle_file = "muscle_geom'):
+    with pytest.raises(RecordingError, match=r"no such file; its polynomials were kept: use muscle_file"):
         study_geometry(study(folder, muscle_file="leg.osim", **said))
     alone = study(folder, muscle_file="muscle_geometry.json", **said)
     assert study_geometry(alone).polynomials.keys() == made.polynomials.keys()

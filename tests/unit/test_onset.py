@@ -135,7 +135,7 @@ def test_a_muscle_without_rest_is_named_and_left_out(tmp_path):
     opened = study(tmp_path / "bursts", change=lambda x: 4e-5 * rng.standard_normal(len(x)))
     assert [fault.severity for fault in check(opened)] == ["note"]
     found = onset(opened)
-    assert any("emg.vastus" in v.said and "no onset is told" in v.said for v in found.verdicts)
+    assert any("emg.vastus" in v.said and "no onset is reported" in v.said for v in found.verdicts)
     assert next(row for row in found.rows if row.id == "bursts.trial.vastus.bursts").value is None
 
 

@@ -166,7 +166,7 @@ def test_people_share_them(tmp_path):
     assert rows["groups.P1.synergies.number"] == rows["groups.P2.synergies.number"] == 3
     assert rows["groups.synergies.alike.P1.P2.cosine"] > 0.98
     page = report(opened, found).read_text()
-    assert all(part in page for part in ("synergy_count_1", "synergies_2", "How alike"))
+    assert all(part in page for part in ("synergy_count_1", "synergies_2", "Similarity of synergies"))
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,7 @@ MAX_OPPOSED_SHARE = 0.01
 def cocontraction(
     first: ArrayLike, second: ArrayLike, *, fs: float, level: float = 0.95, moments: bool = False
 ) -> Cocontraction:
-    """Return the co-contraction indices of two antagonists from their envelopes, or from their moments.
+    """Return the co-contraction indices of two antagonists from their envelopes or moments.
 
     Parameters
     ----------

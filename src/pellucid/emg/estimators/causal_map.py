@@ -6,7 +6,7 @@ Every channel is band-passed, rectified and low-passed, forwards only. The torqu
 .. math::
     \tau = w_{00} + w_{01} q + \sum_m e_m (w_{m0} + w_{m1} q)
 
-A ridge regression finds the weights; repetitions left out choose its penalty. An envelope far outside the fitted range
+A ridge regression finds the weights; cross-validation chooses its penalty. An envelope far outside the fitted range
 cannot come from a muscle. The core then reports that EMG is not valid.
 
 Period of a movement that repeats, such as a stride or a lift, from the autocorrelation of a signal of it.

@@ -1,9 +1,9 @@
 r"""Choose the estimator to recommend for movements unlike those fitted: refit each on some, test it on others.
 
-If several recordings, sessions or repetitions are fitted, each is left out whole. A single recording is divided by its
-own variety. Slow strides test what was fitted to fast ones, and the reverse. The fifth of the samples with the most
-effort, and the fifth with the most speed, test what was fitted to the rest. Every method is tested on the same samples,
-with the features and settings that it chose before.
+If several recordings, sessions or repetitions are fitted, each is held out in turn. A single recording is divided by
+its own variety. Estimators fitted to fast strides are tested on slow ones, and the reverse. Estimators fitted to the
+rest are tested on the fifth of the samples with the largest effort, and on the fifth with the highest speed. Every
+method is tested on the same samples, with the features and settings that it chose before.
 
 Let :math:`e_{ki}` be the RMSE of method k in test i, weighed by the noise model of `find_trial_weights`, so that the
 trial with the largest torques does not decide. The best method has the smallest mean of :math:`e_{ki}^2`. Methods are
@@ -32,7 +32,7 @@ from .torque_regressor import find_row_weights, smooth
 from .torque_trial import TorqueTrial, compute_features, filter_and_differentiate
 
 MAX_TEST_COUNT = 5
-"""Largest number of tests if several recordings are fitted. Recordings of similar speed are then left out together.
+"""Largest number of tests if several recordings are fitted. Recordings of similar speed are then held out together.
 
 Chosen by judgement; no measurement is recorded.
 """
@@ -109,7 +109,7 @@ def choose_estimator(found: Mapping[str, ConditionTestErrors]) -> str:
     errors = {name: np.square(each.weighted_rmse or each.rmse) for name, each in found.items()}
     whole = np.isfinite(np.array(list(errors.values()))).all(axis=0)
     if not whole.any():
-        raise IdentificationError(f"choice: found no test that {', '.join(found)} could all be given, expected one")
+        raise IdentificationError(f"choice: found no test in which {', '.join(found)} all predict, expected one")
     errors = {name: error[whole] for name, error in errors.items()}
     means = {name: float(error.mean()) for name, error in errors.items()}
     best = min(means, key=lambda name: means[name])
@@ -125,7 +125,7 @@ def choose_estimator(found: Mapping[str, ConditionTestErrors]) -> str:
 def make_condition_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...]:
     """Return the tests that these trials allow.
 
-    Several conditions are left out in turn. A single one is divided into parts that differ from the others.
+    Several conditions are held out in turn. A single one is divided into parts that differ from each other.
     """
     counted = np.concatenate([np.arange(len(t)) >= count_warm_up_samples(t) for t in trials])
 
@@ -153,7 +153,7 @@ def make_condition_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, 
 
 
 def _group_conditions(trials: Sequence[TorqueTrial], of: Sequence[str]) -> list[list[str]]:
-    """Return groups of conditions that are left out together: single ones, or if there are many, those of like speed.
+    """Return groups of conditions that are held out together: single ones, or those of similar speed if there are many.
 
     `of` names the condition of each trial.
     """
@@ -220,7 +220,7 @@ def run_condition_tests(fit: Any, trials: Sequence[TorqueTrial]) -> ConditionTes
 
 
 def find_error_band(errors: Sequence[np.ndarray], conditions: int) -> float:
-    r"""Return half the width of the band that should hold `ERROR_BAND.share` of the errors in another condition.
+    r"""Return half the width of the band that should cover `ERROR_BAND.share` of the errors in another condition.
 
     The errors of condition i are taken as :math:`q_i z`: a scale :math:`q_i`, which is the quantile of their size at
     the band's share, and a distribution of z that all conditions have in common. Logarithms of scales vary normally
@@ -235,9 +235,9 @@ def find_error_band(errors: Sequence[np.ndarray], conditions: int) -> float:
     Parameters
     ----------
     errors : sequence of ndarray, shape (n,)
-        Errors in each test [N m]; tests with missing values are left out.
+        Errors in each test [N m]; tests with missing values are excluded.
     conditions : int
-        Number of recordings, sessions or repetitions that were left out in turn; 1: parts of a single one.
+        Number of recordings, sessions or repetitions that were held out in turn; 1: parts of a single one.
 
     Returns
     -------
@@ -270,9 +270,9 @@ def find_error_band(errors: Sequence[np.ndarray], conditions: int) -> float:
 
 
 def find_left_out_coverage(errors: Sequence[np.ndarray], conditions: int) -> float | None:
-    """Return the share of each test's errors within the band that the other tests give, in the mean over tests.
+    """Return the mean share of each test's errors within the band computed from the other tests.
 
-    It judges the band by fitted recordings alone. None with fewer than three tests, or for parts of one recording.
+    This checks the band with fitted recordings alone. None with fewer than three tests, or for parts of one recording.
     """
     each = [e for e in errors if len(e) and np.isfinite(e).all()]
     if conditions < 2 or len(each) < 3:
@@ -302,7 +302,7 @@ def _make_map_predictor(
 
     def predict(test: ConditionTest) -> np.ndarray:
         if not len(test.fitted) or not len(test.judged):
-            raise IdentificationError(f"{test.words}: found no samples, expected some to fit and some to judge")
+            raise IdentificationError(f"{test.words}: found no samples, expected some to fit and some to test")
         kept = test.fitted[:: -(-len(test.fitted) // MAP_FITTING.max_choice_samples)]
         weights = family.weights(None if weight is None else weight[kept])
         made = family.make(fit.choice.settings, each[0]).fit(x[kept], torque[kept], **weights).predict(x[test.judged])
@@ -328,7 +328,7 @@ def _make_muscle_predictor(
 
     def predict(test: ConditionTest) -> np.ndarray:
         if not len(test.judged):
-            raise IdentificationError(f"{test.words}: found no samples, expected some to judge")
+            raise IdentificationError(f"{test.words}: found no samples, expected some to test")
         again = MuscleProblem(
             problem.model.muscles, samples.only(at[test.fitted]), priors=problem.priors, passive=problem.passive,
             weight=problem.weight,

@@ -32,7 +32,7 @@ Fold = tuple[np.ndarray, np.ndarray]
 
 
 def grouped_folds(groups: Sequence[str] | np.ndarray) -> list[Fold]:
-    """Return one fold for each group, which is left out whole. `groups` has shape (n,)."""
+    """Return one cross-validation fold for each group. `groups` has shape (n,)."""
     groups = np.asarray(groups)
     names = list(dict.fromkeys(groups.tolist()))
     if len(names) < 2:
@@ -41,7 +41,7 @@ def grouped_folds(groups: Sequence[str] | np.ndarray) -> list[Fold]:
 
 
 def block_folds(time: np.ndarray, blocks: int, gap: float) -> list[Fold]:
-    """Return folds of consecutive blocks of one recording, each left out with a gap on either side.
+    """Return folds of consecutive blocks of one recording, each held out with a gap on either side.
 
     `time` has shape (n,) [s]; `gap` is in seconds.
     """

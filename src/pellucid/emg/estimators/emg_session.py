@@ -374,18 +374,19 @@ class FittedSession:
             if k in swapped:
                 other = self.muscles[swapped[k]]
                 found.append(
-                    ChannelChange(muscle, "swapped", f"level and pattern of {other}", "its own: are cables or columns "
-                                  "exchanged?", other)
+                    ChannelChange(muscle, "swapped", f"level and pattern of {other}", "its own; cables or columns are "
+                                  "probably interchanged", other)
                 )  # fmt: skip
                 continue
             if abs(risen[k]) > SESSION_LIMITS.max_floor_shift:
                 ends = dict.fromkeys((f"{lowest[k]:.2g}", f"{highest[k]:.2g}"))
                 expected = (
-                    f"{' to '.join(ends)}, within {100 * SESSION_LIMITS.max_floor_shift:g} % of its range, as fitted"
+                    f"{' to '.join(ends)} within {100 * SESSION_LIMITS.max_floor_shift:g} % of its range, as in the "
+                    "fitted recordings"
                 )
-                found.append(ChannelChange(muscle, "floor", f"a floor of {floor[k]:.2g}", expected))
+                found.append(ChannelChange(muscle, "floor", f"a noise floor of {floor[k]:.2g}", expected))
             if not 1.0 / SESSION_LIMITS.max_range_ratio <= level[k] <= SESSION_LIMITS.max_range_ratio:
-                said = f"{level[k]:.2g} times the range as fitted, what all changed by taken off"
+                said = f"{level[k]:.2g} times the fitted range, relative to the change of all channels"
                 found.append(
                     ChannelChange(
                         muscle,

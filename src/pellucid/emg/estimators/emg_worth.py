@@ -1,4 +1,4 @@
-r"""What EMG adds to joint angles: the gain in explained torque on recordings or trials that were not fitted.
+r"""Gain from EMG over joint angles alone: the increase of explained torque on held-out recordings or trials.
 
 Let :math:`e_{0,t}` be the error of angles alone and :math:`e_{1,t}` that of the map with EMG, on the same samples of
 the reference :math:`\tau_t`. The gain is the difference of both R²,
@@ -7,11 +7,10 @@ the reference :math:`\tau_t`. The gain is the difference of both R²,
 
 Neighbouring samples are alike, and errors of one stride belong together. The interval of one recording is therefore
 Student's, of the mean gain in blocks of whole strides, each at least two correlation lengths of :math:`e_0^2 - e_1^2`
-[1]_. Trials that were left out in turn are such blocks, too.
+[1]_. In cross-validation over trials, the trials are the blocks.
 
-EMG is worth it if it surely adds something (the whole interval lies above 0) and the gain reaches a margin that is
-stated beforehand. It is not worth it if the whole interval lies below that margin. Anything else cannot be said from
-these recordings.
+EMG is worth recording if the whole interval lies above 0 and the gain reaches a required margin. It is not worth
+recording if the whole interval lies below that margin. Otherwise these recordings do not decide.
 
 .. [1] F. X. Diebold, R. S. Mariano, "Comparing predictive accuracy", J. Business & Economic Statistics 13, 1995.
 """
@@ -140,7 +139,7 @@ def _student_half_width(values: np.ndarray) -> float:
 def worth_over_trials(
     with_emg: Sequence[float], angles_alone: Sequence[float], margin: float = DEFAULT_WORTHWHILE_GAIN
 ) -> EmgWorth:
-    """Return the mean gain of EMG over trials that were left out in turn, from R² by trial, in the same order."""
+    """Return the mean gain of EMG in cross-validation over trials, from R² by trial, in the same order."""
     gains = np.asarray(with_emg, float) - np.asarray(angles_alone, float)
     gain, count = float(gains.mean()), len(gains)
     if count < WORTH_BLOCKS.min_trials:

@@ -4,7 +4,7 @@ Calibrate all muscles of several joints at once: each has one set of parameters 
 
 A muscle that crosses two joints pulls with the same force at both. The force of every muscle follows its envelope by 10
 to 100 ms. If the muscles of a recording need another delay, its EMG stream runs ahead or behind. With ``offset`` this
-shift is estimated beside the muscles; it belongs to the recording, not to the person.
+shift is estimated together with the muscles; it belongs to the recording, not to the person.
 
 EMG-assisted muscles: activations near the recorded ones that reproduce a measured torque.
 

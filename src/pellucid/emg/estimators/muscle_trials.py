@@ -43,9 +43,9 @@ TRIAL_LIMITS = TrialLimits()
 
 
 def refuse_unfit_trials(trials: Sequence[TorqueTrial]) -> None:
-    """Refuse trials whose angles or envelopes no muscle could have made.
+    """Reject fitted trials whose angles or envelopes are impossible for a muscle.
 
-    Envelopes of held-out trials reach no fit: what they hold is judged as it is, and refuses nothing.
+    Envelopes of held-out trials are not checked, because they are not used to fit.
     """
     for trial in trials:
         for joint, angle in trial.angles.items():

@@ -95,8 +95,8 @@ class RawChannels:
         close[k] = False
         if close.any():
             i = int(np.argmax(np.where(close, z, -1.0)))
-            found = f"a raw signal as that of {self.muscles[i]} (correlation {now.together[i, k]:.2f})"
-            expected = f"{self.together[i, k]:.2f}, as fitted: cross-talk, or one electrode?"
+            found = f"a raw signal like that of {self.muscles[i]} (correlation {now.together[i, k]:.2f})"
+            expected = f"{self.together[i, k]:.2f}, as fitted; probably cross-talk, or one electrode for both channels"
             # The data cannot tell which of the two channels is the copy.
             yield ChannelChange(muscle, "shared", found, expected, self.muscles[i])
 

@@ -8,7 +8,7 @@ activations H and weights W of k synergies [1]_ [2]_,
 
 The number of synergies is chosen on held-out samples. With fixed weights, more synergies always reconstruct more of
 them. The number is therefore the smallest whose VAF reaches a stated threshold, over all muscles and of each [3]_. A
-harder test is to predict a muscle that is left out [4]_: the activations of held-out samples are found from the other
+harder test is to predict a held-out muscle [4]_: the activations of held-out samples are found from the other
 muscles alone. This test has an optimal k. It is also how a muscle without an electrode is filled in. If the recorded
 muscles hardly determine the activation of a synergy, a ridge limits it: the variance of the error over that of H.
 
@@ -332,8 +332,8 @@ class FoundSynergies:
         if at is None:
             return f"{len(self)} synergies of {len(self.muscles)} muscles"
         return (
-            f"{len(self)} synergies account for {100.0 * self.count.heldout[at]:.1f} % of the variance of samples that "
-            f"were not fitted"
+            f"{len(self)} synergies account for {100.0 * self.count.heldout[at]:.1f} % of the variance of held-out "
+            "samples"
         )
 
     def __repr__(self) -> str:
@@ -365,7 +365,7 @@ def synergies(
         Number of synergies; by default the smallest that accounts for 90 % of the variance of held-out samples,
         and for 75 % of each muscle's.
     heldout : mapping or array_like, optional
-        Envelopes of the same muscles that choose the number; blocks of `envelopes` left out in turn by default.
+        Envelopes of the same muscles that choose the number; by default, cross-validation over blocks of `envelopes`.
 
     Returns
     -------

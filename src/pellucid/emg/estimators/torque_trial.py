@@ -6,7 +6,7 @@ With limb and orthosis moving as one, the strap's torque cancels between them:
 
     tau_k = (I_e + I_k) q'' + (b_e + b_k) q' + G_e sin(q - z_e) + G_k sin(q - z_k) - tau_e
 
-with z the angles at which they hang. Dry friction is left out, because in a hold it can take any value up to its level.
+with z the angles at which they hang. Dry friction is omitted, because in a hold it can take any value up to its level.
 The wearer counteracts: when holding still at q = 0, tau_k = -tau_e.
 
 Sources of the lengths, moment arms and constants of a trial's muscles, and the EMG that drives each muscle.
@@ -53,8 +53,8 @@ class MovedBody:
     def words(self) -> str:
         """How the body is modelled, as a sentence."""
         return (
-            "limb and orthosis are taken for one body, since no card of the strap is there: a strap that yields adds "
-            "what the limb weighs at another angle."
+            "Limb and orthosis are modelled as one rigid body, because there is no model card of the strap. A "
+            "compliant strap causes an error, since the limb's angle, and so its gravity torque, differs."
         )
 
     def wearer_torque(self, recording: Recording, lowpass: float) -> np.ndarray:
@@ -281,7 +281,7 @@ def join_pieces(trials: Sequence[TorqueTrial]) -> list[TorqueTrial]:
 
 
 def _joined(name: str, pieces: Sequence[TorqueTrial]) -> TorqueTrial:
-    """Return one trial of several pieces; the source of its muscles is left out, since it may hold samples."""
+    """Return one trial of several pieces, without the source of its muscles, which may hold samples."""
     first = pieces[0]
     return replace(
         first, name=name, piece_of="", muscles=None, time=np.concatenate([p.time for p in pieces]),

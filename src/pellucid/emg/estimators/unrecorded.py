@@ -3,10 +3,10 @@ r"""Fill in the activation of a muscle without an electrode, and score each fill
 For the score, a recorded electrode is removed from the test recordings. Each method then predicts the activation of its
 muscle, which is compared with the activation by the recorded EMG. Activations can be compared for methods that predict
 an envelope as well as for those that find an activation from a torque. Some methods see the measured torque of the test
-samples (marked "told" in tables). The others see EMG and angles alone; only for those is the resulting torque a
-meaningful test.
+samples (marked in tables). The others use EMG and angles alone; only for those is the resulting torque a meaningful
+test.
 
-Muscles across the joints that never had an electrode, excited by the synergies of the recorded muscles.
+Muscles across the joints without an electrode in any recording are excited by the synergies of the recorded muscles.
 
 Synergies of the recorded excitations are found in the fitted trials (`synergies`), as many as account for the required
 share of their variance. With H their activations, a muscle without an electrode is excited by
@@ -15,8 +15,8 @@ share of their variance. With H their activations, a muscle without an electrode
 .. math::
    \min_{0 \le w \le 1} \sum_j \frac{1}{s_j^2}\sum_t \left(\tau_j - \hat\tau_j - \sum_m r_{jm} F_m(u_m)\right)^2
 
-[1]_, with constants from anatomy and the calibrated muscles' lags. Such muscles are added only if they improve the
-prediction of parts of the fitted trials that are left out in turn, by more than the standard error of the difference.
+[1]_, with constants from anatomy and the calibrated muscles' lags. Such muscles are added only if they reduce the
+cross-validated error in the fitted trials by more than the standard error of the difference.
 On fitted samples any added muscle reduces the error.
 
 .. [1] M. Sartori, L. Gizzi, D. G. Lloyd, D. Farina, "A musculoskeletal model of human locomotion driven by a low
@@ -43,11 +43,11 @@ from .synergies import SYNERGY_FIT, Synergies, find_synergies, r_squared, vaf
 from .torque_trial import MUSCLE_BY_CHANNEL_ALIAS, TorqueTrial, filter_and_differentiate
 
 FILLING_METHODS: Mapping[str, str] = {
-    "linear": "linear map of the others",
-    "synergies": "synergies of the others",
+    "linear": "linear map of the other muscles",
+    "synergies": "synergies of the other muscles",
     "pattern": "mean over the joint's cycle",
     "rest": "at rest",
-    "synergies_assisted": "synergies, then EMG-assisted (told)",
+    "synergies_assisted": "synergies, then EMG-assisted (uses the torque)",
     "assisted": "EMG-assisted (told)",
     "static": "static optimisation (told)",
 }
@@ -206,7 +206,7 @@ def score_filling_methods(
     `trials` are fitted and `judged` are the test recordings. Channels in `lost` are missing there from the start.
     """
     if any(_any_joint_trial(trial).heldout for trial in trials):
-        raise IdentificationError("filling in: found a held-out trial to fit, expected it to judge")
+        raise IdentificationError("filling in: found a held-out trial among the fitted ones, expected none")
     scale, filling, found = torque_standard_deviations(trials), EnvelopeFiller(trials), []
     for trial in judged:
         # Samples before a recording are not filled in. They are removed, so that all methods start alike.
@@ -362,7 +362,7 @@ def _cycle_mean(channel: str, trials: Sequence[TorqueTrial], judged: TorqueTrial
 
 @dataclass(frozen=True, eq=False)
 class UnrecordedMuscles:
-    """Muscles without an electrode, beside calibrated ones."""
+    """Muscles without an electrode, in addition to calibrated ones."""
 
     beside: HillTogether = field(repr=False)  # Calibrated muscles
     muscles: tuple[HillMuscle, ...]  # Muscles without an electrode
@@ -432,7 +432,7 @@ class UnrecordedMuscles:
 
 
 def fit_unrecorded_muscles(fit: HillTogether, trials: Mapping[str, Sequence[TorqueTrial]]) -> UnrecordedMuscles | None:
-    """Fit muscles that no electrode drives in the fitted trials, beside the calibrated ones.
+    """Fit muscles that have no electrode in the fitted trials, in addition to the calibrated ones.
 
     Return None if there are no such muscles, or too few recorded ones for synergies.
     """

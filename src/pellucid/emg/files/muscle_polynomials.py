@@ -33,7 +33,7 @@ POLYNOMIAL_FILE = "muscle_geometry.json"
 FORMULA_TEXT = (
     "length of muscle and tendon [m] = sum of coefficients * product of ((angle - middle) / half)^power, angles [rad] "
     "in the study's signs; moment arm [m] = -d length / d angle, positive where the muscle pulls along the angle; "
-    "beyond middle +- half the length goes on straight"
+    "beyond middle +- half the length is extrapolated linearly"
 )
 """Explanation of the polynomials for a person who reads the file."""
 

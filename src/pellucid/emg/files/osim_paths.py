@@ -110,7 +110,7 @@ class _ModelReader:
         found: dict[str, SkeletonJoint] = {}
         for joint in joints:
             if joint.child in found:
-                self._refuse(f"joint {joint.name}", f"a second joint that holds {joint.child}", "one for each body")
+                self._refuse(f"joint {joint.name}", f"a second joint of the body {joint.child}", "one for each body")
             found[joint.child] = joint
         skeleton = Skeleton(self.coordinates, found, self._couplings())
         surfaces = self._surfaces(bodies)
@@ -193,7 +193,7 @@ class _ModelReader:
     def _resolve_frame(
         self, element: Element, known: Mapping[str, Element], owners: Mapping[str, str], above: tuple[str, ...]
     ) -> tuple[str, np.ndarray]:
-        """Return the body that carries a frame, and the frame's pose on it; `above` are those that hang on this one."""
+        """Return the body that carries a frame, and the frame's pose on it; `above` are the frames attached to it."""
         name = element.get("name", "")
         where = f"frame {name}"
         said = self._text(element, "socket_parent") or self._text(element, "socket_parent_frame")
@@ -201,7 +201,7 @@ class _ModelReader:
         if parent in ("", "..", "."):
             parent = owners.get(name, "")
         if name in above or len(above) > 20:
-            self._refuse(where, "frames that hang on each other", "one that hangs on a body")
+            self._refuse(where, "frames attached to each other", "a frame attached to a body")
         here = self._frame(element, where, "translation", "orientation")
         if parent in known:
             body, base = self._resolve_frame(known[parent], known, owners, (*above, name))
@@ -267,7 +267,7 @@ class _ModelReader:
         frames = (name, parent, child, parent_frame, child_frame)
         refused = ""
         if self._text(element, "reverse").lower() == "true":
-            refused = "found <reverse>, which is not followed, expected a joint from parent to child"
+            refused = "found <reverse>, which is not supported, expected a joint from parent to child"
         turns: list[Axis] = []
         shifts: list[Axis] = []
         if element.tag == "CustomJoint":
@@ -284,7 +284,7 @@ class _ModelReader:
             }  # fmt: skip
             if element.tag not in plain:
                 kinds = ", ".join(["CustomJoint", *plain])
-                refused = f"found a {visible_text(element.tag)}, which is not followed, expected one of {kinds}"
+                refused = f"found a {visible_text(element.tag)}, which is not supported, expected one of {kinds}"
             about, alongs = plain.get(element.tag, ((), ()))
             if not refused and len(names) != len(about) + len(alongs):
                 self._refuse(where, f"{len(names)} coordinates", f"{len(about) + len(alongs)} of a {element.tag}")
@@ -420,7 +420,7 @@ class _ModelReader:
             radii = self._require_metres(self._numbers(element.find("dimensions"), f"{where}, <dimensions>", 3), where)
             return Ellipsoid((float(radii[0]), float(radii[1]), float(radii[2])), side)
         known = "WrapCylinder, WrapSphere or WrapEllipsoid"
-        return f"found a {visible_text(element.tag)}, which is not followed, expected {known}"
+        return f"found a {visible_text(element.tag)}, which is not supported, expected {known}"
 
     def _muscle(self, element: Element, surfaces) -> MusclePath:
         name = element.get("name", "")
@@ -463,7 +463,7 @@ class _ModelReader:
         if element.tag == "MovingPathPoint":
             moves = tuple(self._moving_coordinate(element, axis, place[i], where) for i, axis in enumerate("xyz"))
             if not np.allclose(base, np.eye(4)):
-                self._refuse(where, "a moving point on a frame beside its body", "one on the body itself")
+                self._refuse(where, "a moving point on an offset frame", "one on the body itself")
         elif element.tag == "ConditionalPathPoint":
             low, high = self._numbers(element.find("range"), f"{where}, <range>", 2)
             only = (self._point_coordinate(element, "", where), float(low), float(high))

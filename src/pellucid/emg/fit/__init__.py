@@ -1,1 +1,1 @@
-"""Parameters of Hill muscles: what is free, the search, and what the data can tell of each."""
+"""Estimation of Hill muscle parameters: free parameters, optimization, and their identifiability."""

@@ -76,7 +76,7 @@ OFFSET_UNIT = "m"
 
 @dataclass(frozen=True, eq=False)
 class ForceGrid:
-    """Modelled force of a muscle at every offset of a grid, beside the measured force."""
+    """Modelled force of a muscle at every offset of a grid, and the measured force."""
 
     offsets: np.ndarray  # (g,) ascending length offsets [m]
     forces: np.ndarray  # (g, m) modelled force at each offset [N]
@@ -162,7 +162,7 @@ MAX_IDENTIFIED_SPREAD_SHARE = 0.7
 """A parameter is not identified if its standard error exceeds this share of the standard deviation among people."""
 
 MAX_NAMED_PARAMETERS = 6
-"""A verdict names at most this many parameters where there are more than twice as many."""
+"""Largest number of parameters that a verdict names if there are more than twice as many."""
 
 AT_BOUND_REFUSAL = "on a physiological bound: not identifiable"
 """Reason why a parameter on a bound has no standard error: its value follows from the choice of the bound."""
@@ -218,15 +218,15 @@ def muscle_verdicts(fit: MuscleFit, what: str) -> tuple[Verdict, ...]:
     said = []
     if bound:
         text = (
-            f"{what}, muscles: {len(bound)} of {len(found)} parameters ended on a physiological bound and are "
-            f"undetermined: {', '.join(bound)}. The torque is what was fitted; these numbers measure nothing of the "
-            "person."
+            f"{what}, muscles: {len(bound)} of {len(found)} parameters ended on a physiological bound and are not "
+            f"identifiable: {', '.join(bound)}. The torque estimate remains valid, but these values are not "
+            "measurements of the person."
         )
         said.append(Verdict("warning", text))
     if unknown:
         text = (
-            f"{what}, muscles: the recording does not identify {_listed(unknown)}: each stays "
-            "within what people differ by about its anatomical value."
+            f"{what}, muscles: the recording does not identify {_listed(unknown)}; these parameters stay close to "
+            "their anatomical values."
         )
         said.append(Verdict("note", text))
     if not said:

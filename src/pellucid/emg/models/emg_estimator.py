@@ -124,7 +124,7 @@ class WatchedAngle:
 
 @dataclass(frozen=True)
 class EstimatorWatch:
-    """What an estimator's channels and angles are held against while it runs."""
+    """Reference values with which an estimator's channels and angles are compared while it runs."""
 
     channels: tuple[WatchedChannel, ...]  # In the order of the card's channels
     angles: tuple[WatchedAngle, ...]  # In the order of the card's angles
@@ -303,18 +303,18 @@ class EstimatorFault:
 
 
 ESTIMATOR_FAULTS: tuple[EstimatorFault, ...] = (
-    EstimatorFault(_core.EMG_FAULTS[0], "as good as its calibration", keeps_validity=True),
-    EstimatorFault("configuration", "the configuration makes no sense: every torque is 0"),
-    EstimatorFault("time", "the time did not go on: the last answer once more"),
-    EstimatorFault("angle", "an angle is lost, or was never heard: every torque is 0"),
-    EstimatorFault("channel", "a channel is lost, and taken for a muscle at rest"),
-    EstimatorFault("ceiling", "an envelope is above what a muscle gives, and was cut off"),
-    EstimatorFault("limit", "a torque was beyond its limit, and was cut off"),
+    EstimatorFault(_core.EMG_FAULTS[0], "no fault: valid as calibrated", keeps_validity=True),
+    EstimatorFault("configuration", "the configuration is invalid: every torque is 0"),
+    EstimatorFault("time", "the time did not advance: the last output is repeated"),
+    EstimatorFault("angle", "an angle is missing or was never received: every torque is 0"),
+    EstimatorFault("channel", "an EMG channel is missing, and its muscle is assumed at rest"),
+    EstimatorFault("ceiling", "an envelope was above the range of a muscle and was limited"),
+    EstimatorFault("limit", "a torque was beyond its limit and was limited"),
     EstimatorFault(
-        "restarted", "the first step, or the first after a gap: lags and rates begin anew", keeps_validity=True
+        "restarted", "first step, or first step after a gap: lags and rates were reset", keeps_validity=True
     ),
-    EstimatorFault("changed", "a channel changed since the calibration: its pattern by the movement takes its place"),
-    EstimatorFault("unlike", "most channels changed, or the movement is unlike the calibration: every torque is 0"),
+    EstimatorFault("changed", "a channel changed since calibration and is replaced by its pattern for the movement"),
+    EstimatorFault("unlike", "most channels changed, or the movement differs from calibration: every torque is 0"),
 )
 """Every fault, in the core's order."""
 

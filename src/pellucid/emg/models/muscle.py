@@ -12,7 +12,7 @@ Calibrated muscles as a card's settings: all their numbers in SI, what drives ea
 A card's parameters are what was fitted, as factors of an anatomical model; who exports or simulates needs the muscles
 themselves. Keys of ``settings``: ``joints`` and ``muscles`` (names between commas), ``muscle.<muscle>.<quantity>`` for
 every quantity of the core, ``driven.<muscle>`` (EMG channels whose mean drives it), ``tissue.<joint>.<number>`` for the
-joint's own offset, stiffness and damping, and ``effort``, what an envelope of 1 is of a maximal contraction.
+joint's own offset, stiffness and damping, and ``effort``, the share of a maximal contraction for an envelope of 1.
 """
 
 from __future__ import annotations

@@ -126,7 +126,7 @@ class Skeleton:
         return {s for other in self.couplings[name].independent for s in self.sources(other, (*seen, name))}
 
     def values(self, given: Mapping[str, np.ndarray], along: Sequence[str]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Every coordinate and its derivatives along some, (n,) and (k, n); what is not `given` has its default."""
+        """Return every coordinate and its derivatives along some, (n,) and (k, n), with defaults unless `given`."""
         for name in (*given, *along):
             if name not in self.coordinates:
                 known = ", ".join(list(self.coordinates)[:40])

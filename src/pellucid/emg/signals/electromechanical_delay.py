@@ -146,9 +146,9 @@ def _correlations(sums: np.ndarray) -> np.ndarray:
 
 
 def _peak(correlation: np.ndarray, reach: int, fs: float) -> float:
-    """Return the lag of the largest correlation [s], by a parabola through the lags beside it that reach almost as far.
+    """Return the lag of the largest correlation [s], from a parabola through all neighbouring lags almost as large.
 
-    A parabola through three samples alone follows their noise.
+    A parabola through only three samples would follow their noise.
     """
     top = int(np.clip(np.argmax(correlation), 1, len(correlation) - 2))
     below = np.flatnonzero(correlation < DELAY_SEARCH.peak_share * correlation[top])

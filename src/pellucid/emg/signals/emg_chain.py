@@ -149,7 +149,7 @@ class EmgChain:
         return self._with_smoothing(Stage("lowpass", cutoffs, order=order or (old.order if old is not None else 2)))
 
     def with_rms_window(self, seconds: float) -> EmgChain:
-        """Return the same chain with the root mean square of a window of `seconds` [s] in place of its low-pass."""
+        """Return the same chain with the root mean square of a window of `seconds` [s] instead of its low-pass."""
         if not seconds > 0.0:
             raise RecordingError(f"EMG chain {self.name}: found an RMS window of {seconds:g} s, expected more than 0")
         return self._with_smoothing(Stage("rms", seconds=float(seconds)))
@@ -333,9 +333,9 @@ def settling_samples(sections: np.ndarray) -> int:
 
 
 def with_surroundings(samples: np.ndarray, inside: slice, reach: int, *, later: bool = True) -> slice:
-    """The part `inside` of samples, (n,), and at most `reach` more on either side, or before it alone.
+    """Return the slice `inside` of samples, (n,), extended by at most `reach` on either side, or before it alone.
 
-    What lies beyond a missing sample (NaN) is left out.
+    The extension stops at a missing sample (NaN).
     """
     start, stop = inside.start, inside.stop
     first, last = max(0, start - reach), min(len(samples), stop + (reach if later else 0))
@@ -398,14 +398,15 @@ EMG_CHAINS = {
                 Stage("normalise"),
                 Stage("advance", seconds=0.1),
             ),
-            "Verdel et al. 2021: order 4, 20 to 450 Hz, centred, rectified, over the experiment's maximum, its window "
-            "0.1 s ahead of the motion's. Order 4 is read as a design function's, which is eight poles.",
+            "Verdel et al. 2021: band-pass of order 4 from 20 to 450 Hz, centred, rectified, relative to the maximum "
+            "of the experiment, with a window 0.1 s ahead of the motion's. Order 4 is taken as the argument of the "
+            "filter design function, which gives eight poles.",
         ),
         EmgChain(
             "knee",
             (Stage("bandpass", (10.0, 500.0), order=2), Stage("rectify"), Stage("lowpass", (2.0,), order=2)),
-            "The knee orthosis's thesis: 10 to 500 Hz, rectified, low-pass at 2 Hz. It gives no orders: 2 is taken for "
-            "both.",
+            "The thesis on the knee orthosis: band-pass from 10 to 500 Hz, rectified, low-pass at 2 Hz. It states no "
+            "orders; 2 is assumed for both.",
         ),
         EmgChain(
             "hill",
@@ -417,11 +418,12 @@ EMG_CHAINS = {
                 Stage("normalise"),
             ),
             "The three-step Hill identification: notch at 50 Hz, high-pass at 30 Hz, rectified, low-pass at 5 Hz, "
-            "relative. It gives neither orders nor the notch's width: order 4 and a quality of 30 are taken.",
+            "normalised. It states neither the orders nor the width of the notch; order 4 and a quality factor of 30 "
+            "are assumed.",
         ),
     )
 }
-"""The three papers' chains, as published; what a paper leaves open is in `source`."""
+"""Published filter chains of the three papers; `source` states each assumption about unstated settings."""
 
 
 def emg_chain(
@@ -441,7 +443,7 @@ def emg_chain(
     mains : float, optional
         Frequency of the notch [Hz]. By default it is the published one, or there is none.
     band : tuple of float, optional
-        Lowest and highest frequency of raw EMG [Hz], in place of the published band.
+        Lowest and highest frequency of raw EMG [Hz]; by default the published band.
     lowpass : float, optional
         Cut-off of the envelope's low-pass [Hz].
     rms_window : float, optional
@@ -559,13 +561,13 @@ MAX_CONTRACTION_COUNT = 100
 def maximal_envelope(
     contractions: Sequence[ArrayLike], *, rate: float, chain: str | EmgChain = "able"
 ) -> np.ndarray | float:
-    """Return the largest envelope of maximal voluntary contractions (MVC): what 1 stands for in `envelope`.
+    """Return the largest envelope of maximal voluntary contractions (MVC), by which `envelope` normalises.
 
     Parameters
     ----------
     contractions : sequence of array_like, each of shape (n,) or (n, muscles)
-        Short peaks far above all other samples, which no muscle makes, are left out.
-        Raw EMG of one contraction after another [V]; their lengths may differ. A muscle's largest value may be in any.
+        Raw EMG of each contraction [V]; their lengths may differ. A muscle's largest value may be in any of them.
+        Short peaks far above all other samples are excluded as artefacts.
     rate : float
         Sampling rate [Hz].
     chain : str or EmgChain

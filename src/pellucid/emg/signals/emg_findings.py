@@ -1,16 +1,16 @@
-"""What is wrong with EMG: the one core of checks behind arrays, files, studies and pages.
+"""Defects of EMG: the checks behind arrays, files, studies and pages.
 
-Each check looks for one cause by what that cause does to a signal and a muscle does not:
+Each check looks for one cause by an effect on the signal that a muscle does not have:
 
 - **dropout**: values that repeat for longer than the converter's steps explain, or that are missing;
 - **dead**: less than an amplifier's noise;
 - **saturation**: runs at the largest value;
-- **mains**: a narrow line at 50 or 60 Hz that stands out from its neighbours and is not small beside the signal;
+- **mains**: a narrow line at 50 or 60 Hz that stands out from its neighbours and is not small relative to the signal;
 - **heartbeat**: one waveform, the same each time, at the rate of a heart, with a complex of tens of milliseconds;
 - **motion**: power below the muscle's band, from electrodes or cables that move;
-- **mvc_artefact**: single short peaks far above everything else, which a maximum would take for the muscle's;
+- **mvc_artefact**: single short peaks far above all else, which would be mistaken for the muscle's maximum;
 - **normalised_per_trial**: a relative envelope whose largest value is exactly 1, its own maximum;
-- **unit**: a size that no muscle has in the stated unit.
+- **unit**: an amplitude that is impossible for EMG in the stated unit.
 """
 
 from __future__ import annotations
@@ -128,16 +128,16 @@ class EmgFinding:
 
 
 CONSEQUENCES = {
-    "dropout": "Envelope and torque fall to rest there, and an onset may be missed.",
-    "dead": "It shows no muscle: leave it out.",
-    "mains": "The envelope at rest is too large, and onsets are found late; a notch filter removes it.",
-    "heartbeat": "Each beat looks like a burst of the muscle; a high-pass filter of 30 Hz removes most of it.",
-    "motion": "The envelope shows moving cables; a high-pass filter of 20 Hz removes most of it.",
+    "dropout": "Envelope and estimated torque fall to 0 there, and an onset may be missed.",
+    "dead": "The channel contains no EMG: exclude it.",
+    "mains": "The envelope at rest is too large, and onsets are detected late; a notch filter removes the hum.",
+    "heartbeat": "Each beat looks like a burst of the muscle; a high-pass filter at 30 Hz removes most of it.",
+    "motion": "The envelope shows moving cables; a high-pass filter at 20 Hz removes most of it.",
     "saturation": "The envelope is too small where the muscle is strongest.",
-    "normalised_per_trial": "Trials cannot be compared: normalise all by one maximal contraction.",
-    "mvc_artefact": "A maximum of this recording would be the artefact's: all envelopes become too small.",
-    "clock": "Times behind a gap hold only where the gap is kept; a filter runs over it.",
-    "unit": "Checks and defaults in V do not hold: state the unit of the file.",
+    "normalised_per_trial": "Trials cannot be compared: normalise all of them by one maximal contraction.",
+    "mvc_artefact": "The maximum of this recording is an artefact, and all envelopes scaled by it become too small.",
+    "clock": "Filters smooth over the gap, and times after it are wrong unless the gap is kept.",
+    "unit": "Checks and default limits in volts do not apply: state the unit of the file.",
 }
 """Consequence of each kind."""
 
@@ -263,9 +263,9 @@ def _channel_findings(
     if is_wrong_unit:
         likely = next((u for u, size in _TRIED_UNITS if u != unit and 1e-6 <= rms * size <= 2e-3), "")
         hint = f"; as {likely} it would be {size_text(rms * EMG_UNITS[likely], 'V')}" if likely else ""
-        found.append(whole("unit", rms, f"{size_text(rms, unit)} RMS, where a muscle has 1 µV to 2 mV{hint}"))
+        found.append(whole("unit", rms, f"{size_text(rms, unit)} RMS, but EMG has 1 µV to 2 mV{hint}"))
         return found
-    # Limits in volts are none where the unit is not known.
+    # Limits in volts do not apply if the unit is unknown.
     scale = 0.0 if unit == "" else 1.0 / EMG_UNITS[unit]
     # Nothing that a dropout begins or ends with is a signal's.
     filled = np.where(there, x, 0.0 if not there.any() else float(np.mean(x[there])))

@@ -1,11 +1,11 @@
-r"""When a muscle becomes active: bursts by energy against rest, and how sure the beginning of each is.
+r"""Onset of muscle activity: bursts detected by their energy relative to rest, and the interval of each onset.
 
 **Bursts.** Raw EMG passes a band-pass and the Teager-Kaiser operator [1]_ [2]_, which weighs amplitude by frequency,
 
 .. math::  \psi_n = x_n^2 - x_{n-1} x_{n+1},
 
-is smoothed, and is held against two thresholds [3]_: its level (mean of rest and `height` standard deviations) and how
-long it stays above (`shortest`). Where the smoothed energy passes, a muscle is active.
+is smoothed and compared with two thresholds [3]_: a level (mean of rest plus `height` standard deviations) and a
+duration (`shortest`). A muscle is active where the smoothed energy exceeds both.
 
 **Change point.** Around each beginning the band-passed samples are taken for Gaussian, with the standard deviation
 :math:`\sigma_0` before :math:`t_0`, at least that of rest, and one that rises to the burst's within r after it. EMG
@@ -18,10 +18,10 @@ Samples of EMG are alike for :math:`\kappa = \sum_k \rho_k^2` of them, so that m
    \qquad \sigma_n^2 = \sigma_0^2 + (\sigma_1^2 - \sigma_0^2)\,\mathrm{clip}\Big(\frac{t_n - t_0}{r}, 0, 1\Big)^p.
 
 The profile of this likelihood over r, p and both deviations is largest at the onset. The interval holds every
-:math:`t_0` whose profile lies within half the quantile of :math:`\chi^2_2` of the largest: the region that holds onset
-and rise together. A sum over r and p would favour slow rises, which many :math:`t_0` fit a little. :math:`\kappa` is
-also at least what energies over 50 ms say: the burst's own, which varies more than Gaussian samples where few motor
-units fire, and that of all samples about the likeliest rise, which shows where no tried shape fits.
+:math:`t_0` whose profile lies within half the quantile of :math:`\chi^2_2` of the largest: the joint confidence region
+of onset and rise. A sum over r and p would favour slow rises, which many :math:`t_0` fit a little. :math:`\kappa` has
+two lower bounds from energies over 50 ms. One is the burst's own, which varies more than Gaussian samples if few motor
+units fire. The other is that of all samples about the likeliest rise, which shows where no tried shape fits.
 The end of a burst is the onset of the same samples backwards.
 
 .. [1] S. Solnik, P. Rider, K. Steinweg, P. DeVita, T. Hortobagyi, "Teager-Kaiser energy operator signal conditioning

@@ -1,4 +1,4 @@
-"""Is an EMG recording fit to be used? Every fault names file and channel, what was found and what was expected."""
+"""Checks of an EMG recording. Every fault names the file, the channel, the finding and the expectation."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ def _hum_shares(recordings: Sequence[Recording]) -> dict[float, float]:
 
 
 def inspect_emg(recording: Recording, *, notches: Sequence[float] | None = None) -> list[Fault]:
-    """Find what is wrong with the EMG channels of one file, the refusing faults first.
+    """Return the faults of the EMG channels of one file, those that reject the file first.
 
-    `notches` [Hz]: what the study's chain takes out; None where study.toml cannot ask for it.
+    `notches` [Hz] are the frequencies that the study's chain removes; None if study.toml cannot set a notch.
     """
     mains = find_mains(recording)
     faults: list[Fault] = []
@@ -97,7 +97,8 @@ def contrast_faults(recording: Recording, envelopes: Mapping[str, np.ndarray]) -
         rest, active = np.quantile(envelope, (0.05, 0.95))
         ratio = active / rest if rest > 0.0 else np.inf
         if ratio < EMG_LIMITS.min_work_contrast:
-            said, expected = f"an envelope at work {ratio:.3g} times that at rest", EMG_LIMITS.min_work_contrast
+            expected = EMG_LIMITS.min_work_contrast
+            said = f"an envelope in activity only {ratio:.3g} times that at rest"
             channel = f"emg.{muscle}"
             found.append(_fault("note", "low_contrast", recording, channel, said, f"at least {expected:g} times"))
     return found
@@ -109,7 +110,7 @@ def relaxed_faults(
     rest: Mapping[str, float],
     maximum: Mapping[str, float],
 ) -> list[Fault]:
-    """Muscles at work in a recording during which the wearer was to be relaxed. `envelopes` (n,)."""
+    """Return faults of muscles that are active in a recording of a relaxed wearer. `envelopes` (n,)."""
     found = []
     for muscle, envelope in envelopes.items():
         span = maximum[muscle] - rest[muscle]
@@ -120,7 +121,7 @@ def relaxed_faults(
             top = 100.0 * (float(np.quantile(envelope, 0.95)) - rest[muscle]) / span
             share = 100.0 * np.mean(active)
             said = f"activity of {top:.3g} % of a maximal contraction, during {share:.3g} % of the trial"
-            expected = f"a relaxed muscle: below {100.0 * EMG_LIMITS.max_relaxed_share:g} %"
+            expected = f"less than {100.0 * EMG_LIMITS.max_relaxed_share:g} %, because the wearer should be relaxed"
             found.append(_fault("refuse", "not_relaxed", recording, f"emg.{muscle}", said, expected))
     return found
 
@@ -134,26 +135,27 @@ def resting_level(envelopes: Sequence[np.ndarray]) -> float:
 def swapped_faults(
     recording: Recording, flexor: str, extensor: str, envelopes: Mapping[str, np.ndarray], torque: np.ndarray
 ) -> list[Fault]:
-    """Electrodes of a flexor and an extensor put the wrong way round. `envelopes` (n,); `torque` (n,) [N m]."""
+    """Return the fault of interchanged electrodes of flexor and extensor. `envelopes` (n,); `torque` (n,) [N m]."""
     if np.std(torque) == 0.0 or any(np.std(envelopes[m]) == 0.0 for m in (flexor, extensor)):
         return []
     pull, push = (float(np.corrcoef(envelopes[m], torque)[0, 1]) for m in (flexor, extensor))
     if not (pull < -0.3 and push > 0.3):
         return []
-    found = f"a flexor that correlates with the torque by {pull:.2f} and an extensor ({extensor}) by {push:.2f}"
-    return [_fault("refuse", "swapped_channels", recording, f"emg.{flexor}", found, "the other way round")]
+    found = f"a correlation with the torque of {pull:.2f} for the flexor and {push:.2f} for the extensor ({extensor})"
+    expected = "the opposite signs; the two channels are probably interchanged"
+    return [_fault("refuse", "swapped_channels", recording, f"emg.{flexor}", found, expected)]
 
 
 FINDING_FAULTS = {
-    "dead": ("refuse", "detached_electrode", "at least an amplifier's noise"),
-    "unit": ("warn", "unit", "the size of a muscle's signal"),
-    "saturation": ("refuse", "clipped", "an amplifier's range that EMG stays within"),
+    "dead": ("refuse", "detached_electrode", "at least the noise of an amplifier"),
+    "unit": ("warn", "unit", "an amplitude possible for EMG"),
+    "saturation": ("refuse", "clipped", "EMG within the range of the amplifier"),
     "dropout": ("warn", "dropout", "a signal that changes from sample to sample"),
-    "heartbeat": ("note", "heartbeat", "a muscle's signal alone"),
-    "motion": ("note", "motion", "little power below a muscle's band"),
-    "mvc_artefact": ("note", "mvc_artefact", "peaks that a muscle can make"),
+    "heartbeat": ("note", "heartbeat", "EMG without an electrocardiogram"),
+    "motion": ("note", "motion", "little power below the frequency band of EMG"),
+    "mvc_artefact": ("note", "mvc_artefact", "peaks of a size possible for a muscle"),
 }
-"""Severity and kind of the fault that each finding is, and what was expected."""
+"""Severity and kind of the fault for each finding, and the expectation."""
 
 
 def _raw_faults(
@@ -166,12 +168,13 @@ def _raw_faults(
             share = hum_share(x - x.mean(), recording.fs, mains)
             hum = np.sqrt(share) * float(np.std(x))
             if share > EMG_LIMITS.max_mains_share and hum > EMG_LIMITS.max_attached_mains_v:
-                found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", "a muscle's signal"
+                found = f"{100.0 * share:.3g} % of the power at the mains frequency of {mains:g} Hz"
+                expected = "EMG; the electrode is probably detached"
                 faults.append(_fault("refuse", "detached_electrode", recording, name, found, expected))
             elif hum > EMG_LIMITS.min_reported_mains_v and mains not in (notches or ()):
-                notch = f'mains = "{mains:g} Hz" in study.toml takes it out'
-                remedy = "look at electrodes and cables" if notches is None else notch
-                found = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz"
+                notch = f'set mains = "{mains:g} Hz" in study.toml to remove it'
+                remedy = "check electrodes and cables" if notches is None else notch
+                found = f"{100.0 * share:.3g} % of the power at the mains frequency of {mains:g} Hz"
                 faults.append(_fault("note", "mains_hum", recording, name, found, f"less hum; {remedy}"))
         elif one.kind in FINDING_FAULTS:
             severity, kind, expected = FINDING_FAULTS[one.kind]
@@ -199,16 +202,16 @@ def _relative_faults(recording: Recording, name: str, x: np.ndarray) -> list[Fau
             f"{top:.3g} times the maximal contraction",
             f"at most {EMG_LIMITS.max_envelope:g}; normalise again",
         )
-        # A held-out recording reaches no scale, so what it holds is told and judged as it is.
+        # A held-out recording does not define the scale, so that it is reported and used as it is.
         severity = "refuse" if recording.use == "fit" else "warn"
         return [_fault(severity, "normalisation", recording, name, found, expected)]
     if top == float(np.min(x)):
         return [
-            _fault("refuse", "detached_electrode", recording, name, f"the one value {top:g}", "a muscle's envelope")
+            _fault("refuse", "detached_electrode", recording, name, f"the constant value {top:g}", "an EMG envelope")
         ]
     if top < EMG_LIMITS.min_envelope_peak:
         found = f"at most {100.0 * top:.2g} % of the maximal contraction"
-        expected = f"more than {100 * EMG_LIMITS.min_envelope_peak:g} % somewhere, or a maximum that is the muscle's"
+        expected = f"more than {100 * EMG_LIMITS.min_envelope_peak:g} % somewhere, or the muscle's own maximum"
         return [_fault("note", "normalisation", recording, name, found, expected)]
     return []
 

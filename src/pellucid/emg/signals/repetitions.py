@@ -1,4 +1,4 @@
-"""Repetitions of a movement that leaves a rest and comes back, found from an angle: what is left out together.
+"""Repetitions of a movement that leaves a rest position and returns, found from an angle, as cross-validation groups.
 
 Ensemble of strides: samples between events, brought to one phase from 0 to 100 %.
 """

@@ -56,17 +56,17 @@ def mains_verdicts(study: Study, table: EnvelopeTable | EmgTorqueTable) -> list[
         return []
     found = find_notch(study, table)
     if found is None:
-        text = f"No hum of the mains was found in the fitted recordings: the chain {table.chain} is as published."
+        text = f"The fitted recordings have no mains hum; the chain {table.chain} is used as published."
     else:
-        text = f"Hum of the mains at {found:g} Hz was found in the fitted recordings, and a notch there takes it out."
+        text = f"The fitted recordings have mains hum at {found:g} Hz, which a notch filter removes."
     return [Verdict("note", text)]
 
 
 MIN_ENVELOPE_RATE_HZ = 100.0
-"""Smallest rate to which envelopes are thinned [Hz]. Their low-pass leaves nothing faster."""
+"""Smallest rate to which envelopes are decimated [Hz]. Their low-pass removes all higher frequencies."""
 
 FILTER_SETTLING_S = 0.25
-"""Duration that is left out where a file begins or ends [s], since a chain's filters have no samples beyond."""
+"""Duration excluded at the start and end of a file [s], where the filters of a chain have not settled."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -133,34 +133,34 @@ def page(study: Study, found: ActivationsResult) -> Page:
         judged += [
             draw(
                 filling_methods_compared, own, f"ways_{i}",
-                f"{name}: each electrode of the test recordings removed in turn, and its muscle's activation filled "
-                "in. Lines are medians; orange methods see the measured torque. Marks at the left edge lie beyond it.",
+                f"{name}: each electrode of the test recordings is removed in turn, and its muscle's activation is "
+                "filled in. Lines: medians. Orange: methods that use the measured torque. Marks at the left edge are "
+                "beyond it.",
             ),
             draw(
                 removed_electrodes, [each for each in own if each.recording == first.recording], fs, f"taken_away_{i}",
-                f"{name}, {first.recording.replace('_', ' ')}: activation by the removed electrode "
-                f"(black; white on a dark page), and "
-                "filled in.",
+                f"{name}, {first.recording.replace('_', ' ')}: activation from the removed electrode (black; white on "
+                "a dark page) and filled in.",
             ),
         ]  # fmt: skip
     shown = tuple(
         draw(
             torque_and_activations, each, f"activations_{i}",
-            f"{typeset_sentence(each.what)}, {each.recording.replace('_', ' ')}: the torque, and the muscles' "
-            "activations by EMG (blue) and EMG-assisted, so that they reproduce the torque (orange).",
+            f"{typeset_sentence(each.what)}, {each.recording.replace('_', ' ')}: torque, and muscle activations from "
+            "EMG (blue) and EMG-assisted (orange), which reproduce the torque.",
         )
         for i, each in enumerate(found.recordings[:MAX_DRAWN_RECORDINGS], start=1)
     )  # fmt: skip
     sections = []
     if judged:
         method_text = (
-            "Assisted muscles are found from the measured torque, so reproducing it is no evidence for them. Removing "
-            "a recorded electrode and predicting its activation is. For methods that see EMG and angles alone, the "
-            "resulting torque is scored as well."
+            "EMG-assisted activations are computed from the measured torque, so that reproducing it is not a test. The "
+            "test is to remove a recorded electrode and to predict its activation. For methods that use EMG and angles "
+            "alone, the resulting torque is tested as well."
         )
-        tables = figure_tables(found, "taken away")
-        sections.append(Section("taken_away", "An electrode taken away", (method_text,), tables, tuple(judged)))
-    tables = figure_tables(found, "Torque by EMG")
+        tables = figure_tables(found, "Removed electrode")
+        sections.append(Section("taken_away", "Removed electrodes", (method_text,), tables, tuple(judged)))
+    tables = figure_tables(found, "Torque from EMG")
     sections.append(Section("activations", "Torque and activations", (), tables, shown))
     return study_page(
         title=f"{found.study}: activations",

@@ -136,7 +136,7 @@ def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
             found = _calibrate_muscles(fitted)
             stated = None if table.trust is None else AssistanceWeights(table.trust, table.effort, chosen=False)
             trust = stated or choose_trust(found, fitted)
-            tell(f"{what}, taking electrodes away", at + 0.3 / len(splits) / len(parts))
+            tell(f"{what}, removing electrodes", at + 0.3 / len(splits) / len(parts))
             judged = (
                 [EnvelopeFiller(fitted).fill_in(t, table.lost, table.fill) for t in judged] if table.lost else judged
             )
@@ -189,7 +189,7 @@ def _calibrate_muscles(fitted: Sequence[TrialByJoint]) -> CalibratedMuscleSet:
 def _split_recordings(
     study: Study, trials: Mapping[str, Sequence[TorqueTrial]]
 ) -> list[tuple[list[TrialByJoint], list[TrialByJoint]]]:
-    """Return pairs of fitted and test recordings: as the study says, or each left out in turn."""
+    """Return pairs of fitted and test recordings: as the study says, or by cross-validation over recordings."""
     across = [dict(zip(trials, each, strict=True)) for each in zip(*trials.values(), strict=True)]
     held = [next(iter(each.values())).heldout for each in across]
     fitted = [each for each, out in zip(across, held, strict=True) if not out]
@@ -204,7 +204,7 @@ def _split_recordings(
     raise IdentificationError(
         f"{study.folder}, joint {' and '.join(trials)}: found {len(across)} recordings with channels "
         f"{' and '.join(f'moment.{joint}' for joint in trials)} and EMG, {len(fitted)} of them to be fitted, expected "
-        "one to fit and one to judge, or two to leave out in turn"
+        "one to fit and one held out, or two to fit for cross-validation"
     )
 
 
@@ -275,11 +275,11 @@ def _headline(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[
         way = _best_emg_method(left_out, joint)
         own, assisted = (median_scores(left_out, joint, each)[0] for each in (way, "assisted"))
         sentences.append(
-            f"{joint}: the activation of a muscle whose electrode was removed is predicted with R² {own:.2f} by the "
-            f"{FILLING_METHODS[way]}, {assisted:.2f} by EMG-assisted muscles"
+            f"{joint}: after removal of its electrode, the activation of a muscle is predicted with R² {own:.2f} by "
+            f"the {FILLING_METHODS[way]} and {assisted:.2f} by EMG-assisted muscles"
         )
     if not sentences:
-        return f"Activations of {len(recordings)} recordings; no electrode could be removed to score them."
+        return f"Activations of {len(recordings)} recordings; no electrode could be removed to test them."
     return "; ".join(sentences) + " (median)."
 
 
@@ -295,8 +295,8 @@ def _verdicts(
             yield Verdict(
                 "note",
                 f"{joint if of == joint else f'{joint}, {of}'}: assisted activations reproduce the torque with R² "
-                f"{met:.3f}, EMG-driven ones predict it with {driven:.3f}. Assisted ones are found from this "
-                "torque, so that is no evidence for them.",
+                f"{met:.3f}; EMG-driven activations predict it with {driven:.3f}. Assisted activations are computed "
+                "from this torque, so that their R² is not a test.",
             )
         if joint in _joints_left_out(left_out):
             median_score = median_scores(left_out, joint, "assisted")[0]
@@ -304,14 +304,15 @@ def _verdicts(
                 best = _best_emg_method(left_out, joint)
                 yield Verdict(
                     "warning",
-                    f"{joint}: the activation that the torque implies for a muscle without EMG is worse than the "
-                    f"muscle's mean (R² {median_score:.2f}). Fill it in by the {FILLING_METHODS[best]}, and do not "
-                    "interpret activations by static optimisation.",
+                    f"{joint}: static optimisation predicts the activation of a muscle without EMG worse than the "
+                    f"muscle's mean (R² {median_score:.2f}). Fill it in with the {FILLING_METHODS[best]}, and do not "
+                    "interpret activations from static optimisation.",
                 )
         trusts = {(each.trust.trust, each.trust.effort, each.trust.chosen) for each in own}
         for trust, effort, chosen in sorted(trusts):
             how = "chosen within the fitted recordings" if chosen else "given by the study"
-            yield Verdict("note", f"{joint}: trust in EMG {trust:g}, effort without it {effort:g}, {how}.")
+            text = f"{joint}: weight of EMG {trust:g}, weight of activation without EMG {effort:g}, {how}."
+            yield Verdict("note", text)
         without = sorted({muscle for each in own for muscle in each.filled})
         if without:
             yield Verdict("note", f"{joint}: no EMG of {', '.join(without).replace('_', ' ')}.")
@@ -325,7 +326,7 @@ def _table(recordings: Sequence[AssistedRecording]) -> FigureTable:
         for e in recordings
         for joint in e.torque
     )
-    return FigureTable("Torque by EMG, and by activations that are told it", heads, rows, MAX_BRIEF_ROWS)
+    return FigureTable("Torque from EMG-driven and EMG-assisted activations", heads, rows, MAX_BRIEF_ROWS)
 
 
 def _left_out_tables(left_out: Sequence[tuple[str, FillingScore]]) -> list[FigureTable]:
@@ -336,7 +337,7 @@ def _left_out_tables(left_out: Sequence[tuple[str, FillingScore]]) -> list[Figur
         rows = tuple(
             (FILLING_METHODS[way], *median_scores(left_out, joint, way)) for way in find_scored_methods(left_out, joint)
         )
-        title = f"Electrode taken away, {joint}: median over electrodes and recordings"
+        title = f"Removed electrode, {joint}: median over electrodes and recordings"
         made.append(FigureTable(title, heads, rows, MAX_BRIEF_ROWS))
     return made
 
@@ -353,16 +354,16 @@ def _rows(
 
     for each in recordings:
         for joint in each.torque:
-            base, told = each.named(joint), "told the torque: no evidence"
+            base, told = each.named(joint), "computed from the torque, not a test"
             yield row(f"{base}.emg_driven.r2", each.emg_driven[joint].r2, each.recording)
             yield row(f"{base}.assisted.r2", each.assisted[joint].r2, each.recording, told)
         base = each.named(make_joint_id(each.what))
-        yield row(f"{base}.assisted.moved", each.moved, each.recording, "RMS by which activations left EMG")
+        yield row(f"{base}.assisted.moved", each.moved, each.recording, "RMS difference of activations from EMG")
     for joint in _joints_left_out(left_out):
         for way in find_scored_methods(left_out, joint):
             base, medians = f"{make_joint_id(joint)}.left_out.{way}", median_scores(left_out, joint, way)
-            input_note = ", told the torque" if way in TORQUE_INFORMED_METHODS else ""
-            note = f"median over electrodes taken away and recordings{input_note}"
+            input_note = "; uses the measured torque" if way in TORQUE_INFORMED_METHODS else ""
+            note = f"median over removed electrodes and recordings{input_note}"
             for name, value in zip(("r2", "correlation", "torque.r2"), medians, strict=True):
                 if value is not None:
                     yield row(f"{base}.{name}", value, "", note)

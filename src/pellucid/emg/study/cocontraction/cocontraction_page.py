@@ -70,15 +70,16 @@ MAX_DRAWN_PAIRS = 6
 def page(study: Study, found: CocontractionResult) -> Page:
     """Return the page with the indices of all pairs and the envelopes of the first ones."""
     level = f"{100 * found.confidence:g} %"
-    caption = f"Indices of every recording with {level} intervals, from leaving out one block of time after another."
+    caption = f"Indices of every recording with {level} intervals (jackknife over blocks of time)."
     drawings = [draw(indices, found.pairs, "cocontraction", caption)]
     for i, each in enumerate(found.pairs[:MAX_DRAWN_PAIRS], start=1):
         name = each.recording.replace("_", " ")
-        caption = f"{name}: envelopes over each muscle's maximum; what both have is shaded."
+        caption = f"{name}: envelopes relative to each muscle's maximum; the common activity is shaded."
         drawings.append(draw(overlap, each, f"pair_{i}", caption))
     method_text = (
-        "Common is twice the lower envelope over the sum of both: 100 % where both do the same, however little. "
-        "Weighed is the lower over the higher, times their sum: how hard they work counts as well."
+        "Common activity (Falconer and Winter) is twice the lower envelope divided by the sum of both: 100 % if both "
+        "are equal, whatever their level. The weighed index (Rudolph) is the ratio of the lower to the higher envelope "
+        "times their sum, so that the level counts as well."
     )
     return study_page(
         title=f"{found.study}: co-contraction",

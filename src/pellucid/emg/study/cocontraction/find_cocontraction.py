@@ -30,13 +30,14 @@ DRAWN_STRETCH_S = 6.0
 """Duration of the drawn stretch of a recording [s]."""
 
 NO_MAXIMAL_CONTRACTION = (
-    "No maximal contraction was recorded: envelopes are relative to the largest effort seen, and an index depends on "
-    "which effort that was. Compare conditions of one participant, not participants."
+    "No maximal contraction was recorded. Envelopes are therefore relative to the largest recorded effort, and the "
+    "indices depend on it. Compare conditions of one participant, not participants."
 )
 """Warning where envelopes have no maximal contraction as their scale."""
 
 RECORDED_ENVELOPES = (
-    "Envelopes were recorded: they are taken over the largest of each muscle in all recordings of a participant."
+    "Envelopes were recorded instead of raw EMG. They are normalised by the muscle's largest value in all recordings "
+    "of a participant."
 )
 """Note where study.toml says that the channels are envelopes."""
 
@@ -148,7 +149,7 @@ def _headline(found: list[PairActivity]) -> str:
     for pair in dict.fromkeys(each.pair for each in found):
         values = [each.found.common.value for each in found if each.pair == pair]
         span = f"{values[0]:.0f}" if len(values) == 1 else f"{min(values):.0f} to {max(values):.0f}"
-        sentences.append(f"{' and '.join(pair)} share {span} % of their activity")
+        sentences.append(f"{' and '.join(pair)} have {span} % of their activity in common")
     return "; ".join(sentences) + "."
 
 
@@ -160,7 +161,7 @@ def _verdicts(study: Study, table: CocontractionTable, found: list[PairActivity]
         yield Verdict("warning", NO_MAXIMAL_CONTRACTION)
     short = sorted({each.recording for each in found if each.found.common.interval is None})
     if short:
-        yield Verdict("note", f"{', '.join(short)}: shorter than 4 s, no interval.")
+        yield Verdict("note", f"{', '.join(short)}: shorter than 4 s, too short for a confidence interval.")
 
 
 def _table(found: list[PairActivity]) -> FigureTable:

@@ -1,1 +1,1 @@
-"""What EMG tells of a force in contractions against a load cell."""
+"""Correlation of EMG with force in contractions against a load cell."""

@@ -1,4 +1,4 @@
-"""Page of the report on what EMG tells of force."""
+"""Page of the report on the correlation of EMG with force."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 def page(study: Study, found: EmgForceResult) -> Page:
     """Return the part of the report: the correlations, drawn and as tables."""
     text = (
-        "Correlation of each envelope with the force, both as smooth. The mean over people and its interval are "
-        "those of Fisher's z."
+        "Correlation of each envelope with the force, both smoothed alike. The mean over people and its interval are "
+        "computed from Fisher's z."
     )
-    section = Section("emg_force", "What EMG tells of force", (text,), figure_tables(found))
-    title = f"{found.study}: EMG against force"
+    section = Section("emg_force", "Correlation of EMG and force", (text,), figure_tables(found))
+    title = f"{found.study}: EMG and force"
     follows = next((each.follows for each in found.found), 1.0)
     own = [each for each in found.found if each.agonist]
     estimates = [
@@ -33,7 +33,7 @@ def page(study: Study, found: EmgForceResult) -> Page:
     ]  # fmt: skip
     figure = draw(
         forest, estimates, "correlations", "Correlation with the force", margin=(follows, 1.0),
-        caption="Mean correlation over people with its interval; shaded is what counts as following the force. "
-        "Blue: the muscle that the study names for the task.",
+        caption="Mean correlation over people with its interval. The shaded range counts as following the force. Blue: "
+        "the muscle that the study names for the task.",
     )  # fmt: skip
     return study_page(title, found.answer, (), (section,), found.verdicts, figure)

@@ -46,20 +46,20 @@ MAX_CORRELATION = 0.9999
 """Correlations are cut off here before they are transformed: z of 1 is infinite."""
 
 ForceAnswer = Literal["follows the force", "tells some of the force", "tells little of the force", "cannot say"]
-"""The four answers to what a muscle's EMG tells of force."""
+"""Possible answers to whether a muscle's EMG follows the force."""
 
 HEADLINE_WORDS: dict[ForceAnswer, str] = {
-    "follows the force": "tells the force",
-    "tells some of the force": "tells some of the force",
-    "tells little of the force": "tells little of it",
-    "cannot say": "cannot be said to tell it",
+    "follows the force": "follows the force",
+    "tells some of the force": "follows the force partly",
+    "tells little of the force": "hardly follows the force",
+    "cannot say": "is undecided",
 }
 """Predicate of the muscles with each answer in the headline."""
 
 
 @dataclass(frozen=True)
 class MuscleForce:
-    """What one muscle's EMG tells of the force of one task."""
+    """Correlation of one muscle's EMG with the force of one task."""
 
     task: str
     muscle: str
@@ -210,8 +210,7 @@ def _headline(found: Sequence[MuscleForce], level: float) -> str:
             if e.answer == answer
         ]
         if told:
-            few = "tell" if len(told) > 1 else "tells"
-            parts.append(f"{', '.join(told)} {HEADLINE_WORDS[answer].replace('tells', few)}")
+            parts.append(f"{HEADLINE_WORDS[answer]}: {', '.join(told)}")
     of = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     return f"Correlation of EMG and force, {of} {people} ({100 * level:g} % interval): {'; '.join(parts)}."
 
@@ -243,9 +242,9 @@ def _verdicts(found: Sequence[MuscleForce]) -> Iterator[Verdict]:
         if e.agonist and e.answer == "tells little of the force":
             yield Verdict(
                 "warning",
-                f"{_words(e.task)}: the envelope of {_words(e.muscle)} tells little of the force (r {e.mean:.2f}, "
-                f"{e.low:.2f} to {e.high:.2f}): no estimator of this force can rest on it.",
-                "Look at the electrode and at what the load cell measures; record a muscle that pulls in this task.",
+                f"{_words(e.task)}: the envelope of {_words(e.muscle)} hardly follows the force (r {e.mean:.2f}, "
+                f"{e.low:.2f} to {e.high:.2f}), so that the force cannot be estimated from it.",
+                "Check the electrode and the load cell, and record a muscle that acts in this task.",
             )
         if e.agonist and len(e.each) < MIN_PEOPLE:
             yield Verdict("note", f"{_words(e.task)}: fewer than {MIN_PEOPLE} people, no interval.")

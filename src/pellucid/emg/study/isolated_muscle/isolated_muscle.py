@@ -107,11 +107,11 @@ class IsolatedMuscleFit:
         for name, value in (("heldout", self.heldout_percent), ("rigid.heldout", self.rigid_heldout_percent)):
             if np.isfinite(value):
                 yield row(f"{name}.mae_percent", value, "mean over the held-out amplitudes")
-        yield row("rigid.mae_percent", self.rigid_mae_percent, "tendon rigid, its offset fitted the same way")
+        yield row("rigid.mae_percent", self.rigid_mae_percent, "rigid tendon, with its own fitted offset")
         if self.posterior is not None:
             level = study.table(IsolatedMuscleTable).confidence
             plain = ResultRow("", None, "m", "calibrate", "fitted", checksum, self.posterior.settled)
-            note = f"{self.interval.sentence(level)}; constants taken for known"
+            note = f"{self.interval.sentence(level)}; model constants assumed exact"
             yield replace(plain, id=f"{study.name}.offset", value=self.offset, note=note)
             compared = pair_with_posterior((self.interval,), self.posterior)
             yield from posterior_rows(study.name, compared, level, plain)
@@ -131,19 +131,19 @@ class IsolatedMuscleResult(Result):
 
 
 def isolated_answer(fit: IsolatedMuscleFit, study: str = "") -> Answer:
-    """Return whether an elastic tendon tells the force of held-out amplitudes better than a rigid one."""
+    """Return whether an elastic tendon predicts the force of held-out amplitudes better than a rigid one."""
     elastic, rigid = fit.heldout_percent, fit.rigid_heldout_percent
     held = sum(t.use == "validate" for t in fit.trials)
-    question = "Does Hill's model with an elastic tendon tell this muscle's force better than a rigid one?"
+    question = "Does Hill's model predict this muscle's force better with an elastic tendon than with a rigid one?"
     basis = Basis(len(fit.trials), len(fit.trials), judged=f"{held} held-out amplitudes" if held else "")
     if not held:
-        said = f"No amplitude is held out; the force is within {fit.mae_percent:.2f} % of its isometric value."
+        said = f"No amplitude is held out; the mean error is {fit.mae_percent:.2f} % of the isometric force."
         return Answer(question, "cannot say", said, "no amplitude is held out", basis=basis)
     said = (
-        f"The force is within {elastic:.2f} % of its isometric value, mean over {held} held-out amplitudes; with a "
-        f"rigid tendon, its offset fitted the same way, it is {rigid:.2f} %."
+        f"The mean error over {held} held-out amplitudes is {elastic:.2f} % of the isometric force; with a rigid "
+        f"tendon and its own fitted offset it is {rigid:.2f} %."
     )
-    reason = "" if elastic < rigid else "the rigid tendon errs no more"
+    reason = "" if elastic < rigid else "the error with a rigid tendon is no larger"
     numbers = tuple(
         AnswerNumber(f"mean absolute error, {name} tendon", value, "%", id=f"{study}.{row}" if study else "")
         for name, value, row in (
@@ -162,7 +162,7 @@ def isolated_result(study: Study, tell: Progress = quiet) -> IsolatedMuscleResul
     level, tables, posterior_notes = study.table(IsolatedMuscleTable).confidence, [], []
     if fit.posterior is not None:
         compared = pair_with_posterior((fit.interval,), fit.posterior)
-        title = "Posterior beside least squares, constants of the model taken for known by the latter"
+        title = "Posterior and least squares, which assumes exact model constants"
         tables = [ParameterTable("Length at rest", (fit.interval,)), posterior_table(title, compared, level)]
         posterior_notes = list(posterior_verdicts(compared, fit.posterior, level))
     return IsolatedMuscleResult(

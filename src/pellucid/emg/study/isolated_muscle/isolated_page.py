@@ -19,7 +19,7 @@ def page(study: Study, found: IsolatedMuscleResult) -> Page:
         drawing = draw(posterior_figure, pair_with_posterior((found.interval,), found.posterior), found.confidence)
         tables = (*parameter_tables(found), *figure_tables(found, "Posterior"))
         posterior_text = (
-            f"Where the muscle was held, its constants being wrong by any share. {found.posterior.settled}."
+            f"Posterior of the muscle's offset, with uncertain model constants. {found.posterior.settled}."
         )
         sections.append(Section("posterior", "Posterior", (posterior_text,), tables, (drawing,)))
     verdict_texts = tuple((v.kind, v.said) for v in found.verdicts)

@@ -69,7 +69,7 @@ class OnsetResult(Result):
         return onset_answer(self)
 
     def written(self, study: Study) -> str:
-        return f"Every burst in {study.made / 'tables' / 'onsets.csv'}"
+        return f"All bursts are listed in {study.made / 'tables' / 'onsets.csv'}"
 
     def save_more(self, study: Study) -> None:
         folder = study.place("tables")
@@ -132,18 +132,19 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
             )
             found.append(each)
             doubtful += [
-                f"{name_channel(stream, muscle)}: {one.found} ({one.start:.2f} to {one.end:.2f} s): an interval there "
-                "need not cover the onset, and a burst may be none."
+                f"{name_channel(stream, muscle)}: {one.found} ({one.start:.2f} to {one.end:.2f} s). Onsets and their "
+                "intervals are not reliable there."
                 for one in active.doubtful
             ]
             rows += _rows(base, each, table.confidence, stream.checksum, split)
     if not found:
         raise RecordingError("\n".join(missed))
-    verdicts = [Verdict("warning", f"{text}; no onset is told there.") for text in missed]
+    verdicts = [Verdict("warning", f"{text}; no onset is reported there.") for text in missed]
     verdicts += [Verdict("note", text) for text in doubtful]
     if table.rest is None:
         quiet_text = (
-            "The quietest half second of each muscle is taken for rest; rest = [start, end] in [onset] sets another."
+            "The half second with the lowest EMG of each muscle is taken as rest. To choose another period, set "
+            "rest = [start, end] in [onset]."
         )
         verdicts.append(Verdict("note", quiet_text))
     bursts = [burst for each in found for burst in each.bursts]
@@ -153,15 +154,15 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
     half = float(np.median([0.5 * (b.onset.high - b.onset.low) for b in seen]))
     late = float(np.median([b.crossed - b.onset.time for b in seen]))
     late_text = (
-        f"A threshold alone would put the median onset {1e3 * late:.0f} ms later. An interval covers the time at "
-        "which the variance begins to rise, at once or within up to 0.3 s."
+        f"A threshold alone would detect onsets {1e3 * late:.0f} ms later (median). An interval covers the time at "
+        "which the variance begins to rise, whether abruptly or over up to 0.3 s."
     )
     verdicts.append(Verdict("note", late_text))
     used = len({each.recording for each in found})
     return OnsetResult(
         study=study.name,
         headline=f"{len(bursts)} bursts of {len({e.muscle for e in found})} muscles in {used} "
-        f"recording{'' if used == 1 else 's'}; half the interval about an onset is {1e3 * half:.0f} ms (median).",
+        f"recording{'' if used == 1 else 's'}; the interval of an onset is ±{1e3 * half:.0f} ms (median).",
         tables=(_table(found),),
         verdicts=tuple(verdicts),
         confidence=table.confidence,
@@ -178,7 +179,7 @@ def onset_answer(result: OnsetResult) -> Answer:
     unseen = [each for each in result.muscles if not any(burst.seen for burst in each.bursts)]
     count = len(result.muscles) + len(result.missed)
     good = len(result.muscles) - len(unseen)
-    parts = [AnswerPart(f"{each.muscle} in {each.recording}", "no", "no activity begins there") for each in unseen]
+    parts = [AnswerPart(f"{each.muscle} in {each.recording}", "no", "no onset of activity") for each in unseen]
     parts += [AnswerPart("a muscle", "no", text) for text in result.missed]
     said = result.headline
     if parts:

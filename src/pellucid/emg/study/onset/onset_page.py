@@ -43,8 +43,8 @@ def page(study: Study, found: OnsetResult) -> Page:
     drawings = tuple(
         draw(
             burst_traces, [each for each in found.muscles if each.recording == name], f"bursts_{i}",
-            f"{name.replace('_', ' ')}: raw EMG. Blue is activity; orange lines are where it begins and ends, with the "
-            f"{100 * found.confidence:g} % interval; green underlines the rest that it is judged by.",
+            f"{name.replace('_', ' ')}: raw EMG. Blue: activity. Orange: onset and end with their "
+            f"{100 * found.confidence:g} % intervals. Green: the rest period used as reference.",
         )
         for i, name in enumerate(names[:MAX_DRAWN_RECORDINGS], start=1)
     )  # fmt: skip
@@ -56,9 +56,8 @@ def page(study: Study, found: OnsetResult) -> Page:
     )
     table = study.table(OnsetTable)
     method_text = (
-        f"Energy after Teager and Kaiser passes {table.height:g} standard deviations of rest for at least "
-        f"{1e3 * table.shortest:g} ms; the onset itself is where the variance begins to rise, a change point with its "
-        "interval."
+        f"A burst is detected where the Teager-Kaiser energy exceeds {table.height:g} standard deviations of rest for "
+        f"at least {1e3 * table.shortest:g} ms. Its onset is the change point at which the variance begins to rise."
     )
     return study_page(
         title=f"{found.study}: muscle onset",

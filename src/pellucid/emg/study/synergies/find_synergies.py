@@ -111,7 +111,7 @@ def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
         drawn = (heldout or fitted)[0]
         middle = 0.5 * (drawn.time[0] + drawn.time[-1])
         shown = np.abs(drawn.time - middle) <= 0.5 * DRAWN_STRETCH_S
-        judged = ", ".join(each.name for each in heldout) or "blocks of time left out in turn"
+        judged = ", ".join(each.name for each in heldout) or "cross-validation over blocks of time"
         envelopes = drawn.matrix[shown]
         active = found.activations(envelopes)
         drawn_parts = drawn.time[shown], envelopes, active
@@ -228,18 +228,18 @@ def _headline(groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...]) 
     above = sum(each.cosine > each.chance for each in alike)
     return (
         f"{number} synerg{several} for at least {least:.0f} % of the held-out variance in {len(groups)} groups; "
-        f"{above} of {len(alike)} pairs of groups are more alike than with weights permuted at random."
+        f"{above} of {len(alike)} pairs of groups are more similar than expected by chance."
     )
 
 
 def _tables(groups: list[GroupSynergies]) -> list[FigureTable]:
     """Return a table of explained variance by number of synergies for each group."""
-    heads = ("Synergies", "VAF fitted", "held out", "worst muscle", "shifted", "R² of a muscle left out")
+    heads = ("Synergies", "VAF fitted", "VAF held out", "VAF worst muscle", "VAF by chance", "R² of a held-out muscle")
     made = []
     for g in groups:
         c = g.count
         rows = zip(c.numbers, c.fitted, c.heldout, c.least, c.shuffled, c.left_out, strict=True)
-        title = "How many synergies" + (f": {g.name}" if g.name else "")
+        title = "Number of synergies" + (f": {g.name}" if g.name else "")
         made.append(FigureTable(title, heads, tuple((int(r[0]), *(round(float(x), 3) for x in r[1:])) for r in rows)))
     return made
 
@@ -250,7 +250,7 @@ def _similarity_table(alike: tuple[GroupSimilarity, ...]) -> tuple[FigureTable, 
         return ()
     rows = tuple((a.one, a.other, a.cosine, a.chance, a.crossed) for a in alike)
     heads = ("Synergies of", "and of", "cosine", "by chance", "VAF across")
-    return (FigureTable("How alike synergies are", heads, rows),)
+    return (FigureTable("Similarity of synergies", heads, rows),)
 
 
 def _verdicts(groups: list[GroupSynergies], asked: int | None) -> Iterator[Verdict]:
@@ -261,27 +261,27 @@ def _verdicts(groups: list[GroupSynergies], asked: int | None) -> Iterator[Verdi
             yield Verdict(
                 "warning",
                 f"{name}{c.numbers[-1]} synergies account for {100 * c.heldout[-1]:.0f} % of the held-out "
-                f"variance, less than {threshold:g} %: the fitted synergies do not hold there, or "
-                "most in [synergies] is too small.",
+                f"variance, less than {threshold:g} %: the fitted synergies do not generalize, or `most` in "
+                "[synergies] is too small.",
             )
         chance = float(c.shuffled[list(c.numbers).index(c.enough)])
         if chance > SYNERGY_FIT.min_vaf - 0.05 and c.heldout.max() >= SYNERGY_FIT.min_vaf:
             yield Verdict(
                 "warning",
-                f"{name}{c.enough} synergies account for {100 * chance:.0f} % of the same envelopes shifted apart "
-                "in time too: with so few muscles any activity can be factored.",
+                f"{name}{c.enough} synergies also account for {100 * chance:.0f} % of the variance of envelopes with "
+                "independent time shifts. With so few muscles, any activity can be factored into synergies.",
             )
         if c.left_out.max() <= 0.0:
             yield Verdict(
                 "warning",
-                f"{name}no number of synergies predicts a muscle that is left out from the others (R² below 0): "
-                "do not fill in unrecorded muscles with them.",
+                f"{name}no number of synergies predicts a held-out muscle from the others (R² below 0). Do not use "
+                "synergies to fill in unrecorded muscles.",
             )
         elif c.predicting != c.enough and asked is None:
             yield Verdict(
                 "note",
-                f"{name}{threshold:g} % of the variance needs {c.enough}; a muscle left out is predicted "
-                f"best by {c.predicting} (R² {c.left_out.max():.2f}).",
+                f"{name}{c.enough} synergies account for {threshold:g} % of the variance; {c.predicting} predict a "
+                f"held-out muscle best (R² {c.left_out.max():.2f}).",
             )
 
 
@@ -300,20 +300,20 @@ def _rows(
         base = f"{study}.{part(g.name)}.synergies" if g.name else f"{study}.synergies"
         c = g.count
         words = (
-            f"fewest with a VAF of {SYNERGY_FIT.min_vaf:g}, of each muscle {SYNERGY_FIT.min_muscle_vaf:g}, on blocks "
-            "of the fitted recordings left out in turn"
+            f"smallest number with a VAF of {SYNERGY_FIT.min_vaf:g} in all and {SYNERGY_FIT.min_muscle_vaf:g} for each "
+            "muscle, by cross-validation over blocks of the fitted recordings"
         )
         yield row(f"{base}.number", g.within.enough, "fitted", words)
-        yield row(f"{base}.predicting", c.predicting, "heldout", "number that tells a muscle left out best")
+        yield row(f"{base}.predicting", c.predicting, "heldout", "number that predicts a held-out muscle best")
         for i, number in enumerate(c.numbers):
             yield row(f"{base}.{number}.vaf", c.heldout[i], "heldout")
             yield row(f"{base}.{number}.vaf.fitted", c.fitted[i], "fitted")
-            yield row(f"{base}.{number}.vaf.shifted", c.shuffled[i], "heldout", "envelopes shifted in time")
-            yield row(f"{base}.{number}.left_out.r2", c.left_out[i], "heldout", "each muscle in turn, together")
+            yield row(f"{base}.{number}.vaf.shifted", c.shuffled[i], "heldout", "independent time shifts")
+            yield row(f"{base}.{number}.left_out.r2", c.left_out[i], "heldout", "each muscle held out in turn")
         for i, weights in enumerate(g.synergies.weights, start=1):
             for muscle, weight in zip(g.synergies.muscles, weights, strict=True):
                 yield row(f"{base}.weight.{i}.{muscle}", float(weight), "fitted")
     for a in alike:
         base = f"{study}.synergies.alike.{part(a.one)}.{part(a.other)}"
-        yield row(f"{base}.cosine", a.cosine, "fitted", f"mixed weights exceed {a.chance:.3f} once in twenty")
-        yield row(f"{base}.vaf", a.crossed, "heldout", "of the second's envelopes by the first's weights")
+        yield row(f"{base}.cosine", a.cosine, "fitted", f"5 % of random permutations exceed {a.chance:.3f}")
+        yield row(f"{base}.vaf", a.crossed, "heldout", "envelopes of the second group by weights of the first")

@@ -37,7 +37,7 @@ def synergy_counts(group: GroupSynergies, name: str, caption: str) -> Drawing:
         )  # fmt: skip
     right.plot(c.numbers, np.maximum(c.left_out, -1.0), color=colour("heldout"), marker="o", markersize=4.0)
     right.axhline(0.0, color=colour("muted"), linewidth=0.8)
-    tidy(right, first=True, text="R² of a muscle left out")
+    tidy(right, first=True, text="R² of a held-out muscle")
     right.set_ylim(min(0.0, right.get_ylim()[0]) - 0.05, 1.03)
     for axis in (left, right):
         axis.set_xlabel("Number of synergies")
@@ -98,9 +98,9 @@ def page(study: Study, found: SynergiesResult) -> Page:
     for i, group in enumerate(found.groups[:MAX_DRAWN_GROUPS], start=1):
         of = f"{group.name.replace('_', ' ')}: " if group.name else ""
         caption = (
-            f"{of}Variance that each number of synergies accounts for, held out: {group.judged_on.replace('_', ' ')}. "
-            "Grey: the same envelopes shifted apart in time, which share nothing. Right: each muscle left out in turn "
-            "and predicted from the others; values below -1 are drawn at -1."
+            f"{of}Held-out variance accounted for, by number of synergies ({group.judged_on.replace('_', ' ')}). Grey: "
+            "the same envelopes with independent time shifts, which removes their relation. Right: each muscle held "
+            "out in turn and predicted from the others; values below -1 are drawn at -1."
         )
         how_many.append(draw(synergy_counts, group, f"synergy_count_{i}", caption))
         caption = f"{of}Weights of each muscle, and how active each synergy is."
@@ -108,21 +108,23 @@ def page(study: Study, found: SynergiesResult) -> Page:
         caption = f"{of}Envelopes, and their reconstruction."
         which.append(draw(reconstructed_envelopes, group, f"synergies_rebuilt_{i}", caption))
     method_text = (
-        "Weights are fitted on one part, and the variance is computed on another. More synergies always account for "
-        "more of it; a muscle left out is predicted best by a certain number, which may be smaller."
+        "Weights are fitted on one part of the data, and the variance is computed on another. It always increases with "
+        "the number of synergies. The prediction of a held-out muscle has a maximum, often at a smaller number."
     )
     sections = [
         Section(
-            "synergy_count", "How many synergies", (method_text,), figure_tables(found, "How many"), tuple(how_many)
+            "synergy_count", "Number of synergies", (method_text,), figure_tables(found, "Number of"), tuple(how_many)
         ),
-        Section("synergies", "Which muscles, and when", drawings=tuple(which)),
+        Section("synergies", "Weights and activations", drawings=tuple(which)),
     ]
     if found.alike:
         method_text = (
-            "Synergies are matched by the largest cosines of their weights. By chance: the cosine that randomly "
-            "permuted weights exceed once in twenty. VAF across: envelopes of the second by weights of the first."
+            "Synergies are matched by the largest cosine similarity of their weights. By chance: the cosine that 5 % "
+            "of random permutations exceed. VAF across: variance of the second group's envelopes accounted for by the "
+            "weights of the first."
         )
-        sections.append(Section("synergies_alike", "How alike", (method_text,), figure_tables(found, "How alike")))
+        tables = figure_tables(found, "Similarity")
+        sections.append(Section("synergies_alike", "Similarity of synergies", (method_text,), tables))
     return study_page(
         title=f"{found.study}: muscle synergies",
         answer=found.answer,
