@@ -153,4 +153,4 @@ def test_what_a_motion_cannot_show_is_told_before_anything_is_fitted(sound):
     assert min(wide.own.values()) > 0.15
     (fault,) = [f for f in check(sound) if f.kind == "excitation"]
     assert fault.severity == "note"
-    assert "every parameter shows" in fault.message
+    assert "every parameter is excited" in fault.message

@@ -128,7 +128,7 @@ def test_what_rests_or_has_no_effort_is_listed(make_leg, columns, rng):
     ]
     found = identify(study, **FAST)
     assert (list(found.joints), list(found.resting)) == (["hip", "knee"], ["torso", "hand"])
-    assert "Of 4 joints, each identified on its own, 2 are predicted within 20 %" in found.headline
+    assert "2 of 4 separately identified joints have a prediction error of at most 20 %" in found.headline
     assert "not moved: torso, hand" in found.headline
     table = found.tables[0]
     assert [row[0] for row in table.rows] == ["torso", "hip", "hand", "knee"]

@@ -243,7 +243,7 @@ def test_two_payloads_give_the_drive_constant_of_a_study(tmp_path):
     rows = {row.id: row for row in rows_of(found)}
     assert rows["bare.drive.constant"].unit == "N*m/A"
     assert any("The drive gives" in verdict.text for verdict in found.verdicts)
-    for stated, said in (("0.06", ""), ("0.12", "imply 0.05988 instead"), ("60", "from A to mA")):
+    for stated, said in (("0.06", ""), ("0.12", "imply 0.05988 instead"), ("60", "between A and mA")):
         wrong = edited(study, tmp_path / f"of{stated}", ('"0.06 N*m/A"', f'"{stated} N*m/A"'), suffix=entry)
         verdicts = identify(wrong, families=["symmetric"], thorough=False).verdicts
         told = [v for v in verdicts if v.finding in ("drive_constant", "contradicting_recordings")]

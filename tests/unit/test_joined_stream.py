@@ -90,7 +90,7 @@ def test_of_a_motion_that_repeats_itself_the_nearest_offset_is_taken(study, tmp_
     (clock,) = find_clocks(open_study(tmp_path))
     assert clock.offset == pytest.approx(0.2, abs=3e-3)
     assert min(abs(abs(x - clock.offset) - 5.0) for x in clock.others) < 0.02
-    assert "repeats itself" in clock.said
+    assert "is periodic" in clock.said
 
 
 def test_it_is_told_and_the_parameters_are_those_of_one_file(study):

@@ -172,7 +172,7 @@ def test_an_uncertain_gain_of_the_force_sensor_widens_the_interval():
 
 
 def test_what_tells_no_load_is_refused():
-    with pytest.raises(IdentificationError, match="found 2 lifts without it, expected at least 3"):
+    with pytest.raises(IdentificationError, match="found 2 lifts without load, expected at least 3"):
         estimate_load(ROBOT_BODY, EMPTY_LIFTS[:2], lift(1.0), distance=0.3)
     with pytest.raises(IdentificationError, match="found a distance of 0 m"):
         estimate_load(ROBOT_BODY, EMPTY_LIFTS, lift(1.0), distance=0.0)

@@ -123,7 +123,7 @@ def test_a_joint_without_a_held_out_recording_is_judged_on_stretches_left_out_in
     fit = replace(fabricate.fit(heldout=0, samples=400), crossed_error=(7.5, 0.97))
     answer = fit.answer
     assert (answer.verdict, answer.is_answered) == ("yes", True)
-    assert "of stretches of the fitted recordings, each left out in turn, with an error of 7.50 %" in answer.sentence
+    assert "of segments of the fitted recordings (cross-validation) with an error of 7.50 %" in answer.sentence
     assert "use = " in answer.next[0].sentence
     assert replace(fit, crossed_error=(27.5, 0.97)).answer.verdict == "no"
 

@@ -149,7 +149,7 @@ def test_the_pseudo_inertia_condition_moves_the_inertia_and_says_so():
     assert least == pytest.approx((3.0 / 9.80665) ** 2 / mass, rel=0.05)
     assert found.values[0] < least
     after, notes = enforce_pseudo_inertia(model(), data, found, mass)
-    assert notes == ("inertia is held at the least that 1.5 kg with this gravity torque can have",)
+    assert notes == ("inertia is at its lower bound for a mass of 1.5 kg with this gravity torque",)
     assert after.values[0] == pytest.approx(least_inertia(model(), after.values, mass), rel=1e-6)
     assert after.at_bound[0]
     # The constrained optimum costs less than simply raising the inertia.

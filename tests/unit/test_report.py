@@ -154,7 +154,7 @@ def test_any_study_has_a_report(options, tmp_path):
     if options.get("motion") == "rotary":
         assert "Velocity (deg/s)" in page.text
     if options.get("heldout") == 0:
-        assert "Nothing was held out" in page.text
+        assert "No recording was held out" in page.text
         assert "nan" not in page.text
 
 

@@ -240,7 +240,7 @@ def test_a_worn_robot_is_said_first_and_nothing_is_moved(make_study):
     faults = pl.check(study)
     warned = [fault for fault in faults if fault.severity == "warn"]
     assert warned[0].kind == "worn"
-    assert "somebody seems to wear it" in warned[0].message
+    assert "it was probably worn" in warned[0].message
     (echo,) = [fault for fault in faults if fault.kind == "echoed"]
     assert "the samples of desired_current, 70 ms late" in echo.found or "75 ms late" in echo.found
     assert find_alignments(study) == ()

@@ -109,7 +109,7 @@ def test_the_commands_go_through(elbow):
     assert rows["elbow.dissociated.coulomb_up"].unit == "N*m"
     assert rows["elbow.axis_along.worn"].value == pytest.approx(0.010, abs=1e-3)
     assert rows["elbow.axis_across.worn"].value == pytest.approx(-0.006, abs=1e-3)
-    assert "The wearer's axis beside the robot's" in result.output
+    assert "Offset of the wearer's axis from the robot's" in result.output
     card = read_slider_card(elbow / "models" / "slider.load.json")
     assert card["inertia"].value == rows["elbow.load.inertia"].value
     assert card.model().names == tuple(p.name for p in card.parameters)

@@ -39,7 +39,7 @@ def test_a_rough_inertia_of_a_locked_spring_is_said_to_be_rough():
     rough = Parameter("inertia", "kg*m^2", 4.7, 1.12, influence=0.01, statistical_error=1.1)
     sharp = Parameter("gravity", "N*m", 30.0, 0.5, influence=0.03)
     spring_moves_it = Discrepancy(names, np.eye(2), ("a spring in the drive", ""), {}, np.zeros((2, 2)))
-    for statistical, why in ((1.1, "the motion hardly shows it"), (0.1, "a spring in the drive would move it")):
+    for statistical, why in ((1.1, "the motion excites it too little"), (0.1, "a spring in the drive could bias it")):
         parameters = (replace(rough, statistical_error=statistical), sharp)
         estimate = SimpleNamespace(parameters=parameters, discrepancy=spring_moves_it)
         case = SimpleNamespace(level=0.95, fit=SimpleNamespace(headline=SimpleNamespace(estimate=estimate)))

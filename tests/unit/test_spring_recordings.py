@@ -74,7 +74,7 @@ def test_a_pendulum_is_said_to_be_no_spring_and_one_speed_is_refused(make_study)
     once = {"t": t, "q": 0.05 * np.sin(2.0 * t), "i": 4.0 * np.sin(2.0 * t) + 0.01 * np.cos(2.0 * t)}
     study = make_study(once, PROTOCOL)
     (fault,) = [fault for fault in pl.check(study) if fault.severity == "refuse"]
-    assert "deflect the spring both ways, at two speeds or more" in fault.message
+    assert "deflect the spring in both directions, at two or more speeds" in fault.message
 
 
 def test_a_dynamometer_shows_weight_and_friction_and_its_inertia_is_no_surprise(make_study, rng):

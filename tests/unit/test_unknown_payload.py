@@ -58,7 +58,7 @@ def test_no_payload_is_found_where_there_is_none(tables, tmp_path):
     result = found(tmp_path, tables, "fit\npayload = {}", 3)
     (verdict,) = [v for v in result.verdicts if v.finding == "unknown_payload"]
     assert verdict.kind == "warning"
-    assert "No payload is certain in recording 'c'" in verdict.text
+    assert "The payload of recording 'c' is not identifiable" in verdict.text
     assert "c.payload_mass" not in result.estimates
 
 
@@ -72,7 +72,7 @@ def test_an_unstated_payload_in_one_file_is_the_tested_cause(tables, tmp_path, u
     recordings = {"a": ("fit", tables[0]), "b": ("fit", tables[3])}
     recordings |= {"c": ("validate", tables[1]), "d": ("validate", tables[4]), "odd": (use, tables[2])}
     result = pl.identify(written(tmp_path, recordings), thorough=False, families=("symmetric",))
-    told = [v for v in result.verdicts if "A payload that is not stated explains" in v.text]
+    told = [v for v in result.verdicts if "An unstated payload explains" in v.text]
     assert told
     assert all("'odd'" in v.text and "payload = {}" in v.do for v in told)
     mass = float(re.search(r": ([0-9.]+) ± [0-9.]+ kg", told[0].text)[1])

@@ -1,4 +1,4 @@
-"""One joint: what it offers to the rest of Pellucid, as `_domains.py` describes."""
+"""One joint: its contributions to the rest of Pellucid, as `_domains.py` describes."""
 
 from ..study.procedures.procedure import ProcedureEntry
 

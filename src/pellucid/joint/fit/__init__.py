@@ -1,1 +1,1 @@
-"""One joint: regression of its parameters, what is physically possible, closed-loop methods, holds."""
+"""One joint: regression of its parameters, physical bounds, closed-loop methods, and static holds."""

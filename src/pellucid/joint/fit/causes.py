@@ -1,10 +1,10 @@
-r"""Causes of what a joint's model misses: effects that exoskeletons have, each found on stretches that were left out.
+r"""Causes of a joint model's residual: effects that exoskeletons have, each tested by cross-validation.
 
-A cause adds columns to the regression of a friction family: a spring beside the drive adds the position, friction that
-changes along the travel adds products of both, and so on. Ten stretches of the fitted recordings are each predicted
-from the others, with and without these columns [1]_. A cause is named if its columns lower the squared error by a
-stated share, which is reported, and a paired test over blocks finds that this is no chance. Backlash is also named
-where no column predicts it: parts that a gap separates rattle, and the error is larger around reversals of the load.
+A cause adds columns to the regression of a friction family: a parallel spring adds the position, friction that changes
+along the travel adds products of both, and so on. Ten segments of the fitted recordings are each predicted from the
+others, with and without these columns [1]_. A cause is reported if its columns reduce the squared error by a required
+share and a paired test over blocks finds the reduction significant. Backlash is also reported without such a column:
+parts separated by a gap rattle, and the error is larger around reversals of the load.
 
 Errors of friction look like many causes. The model that is extended therefore has load friction, columns of all
 friction that a family may lack (`NEGLECTED_EFFECTS`) and pulses where it turns, and samples near standstill are
@@ -80,7 +80,7 @@ PARALLEL_SPRING, POSITION_FRICTION, MISALIGNED_AXIS, BACKLASH, SATURATION, DRIFT
 
 @dataclass(frozen=True)
 class Cause:
-    """A cause of what a joint's model misses.
+    """A cause of the residual of a joint's model.
 
     Attributes
     ----------
@@ -105,14 +105,14 @@ class Cause:
 
 @dataclass(frozen=True)
 class ParallelSpring:
-    """Whether a spring acts beside the drive, by left-out stretches of the fitted recordings."""
+    """Whether a spring acts in parallel to the drive, by cross-validation on the fitted recordings."""
 
     is_found: bool = False
     share: float = 0.0  # share of the residual's variance there that it explains
 
 
 def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpring:
-    """Find a spring beside the drive of a joint, from stretches of `data` that are predicted from the others.
+    """Find a spring in parallel to the drive of a joint, from segments of `data` that are predicted from the others.
 
     `model` is the one that is extended. One that has the stiffness, free or known, is not.
     """
@@ -136,7 +136,7 @@ def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpri
 
 
 def _needs_spring(stretches: LeftOutStretches, position: Sequence[np.ndarray]) -> bool:
-    """Whether a spring alone saves most of the error, though all neglected effects together could save as much.
+    """Whether a spring alone explains most of the error that all neglected effects together explain.
 
     Over a moderate range of angles, many columns make what one stiffness makes. Without the term, gravity would take it
     in. With it, what the other effects leave open of the stiffness widens the intervals (`spring_doubt`).
@@ -154,9 +154,9 @@ def _needs_spring(stretches: LeftOutStretches, position: Sequence[np.ndarray]) -
 def _stretches(
     model: JointModel, data: Stack[Motion], values: np.ndarray, slow_speed_share: float
 ) -> tuple[LeftOutStretches, float]:
-    """Return the stretches of a `model` with `values`, (p,), and load friction, and the mean square error without that.
+    """Return the segments of a `model` with `values`, (p,), and load friction, and the mean square error without it.
 
-    Load friction shifts inertia and weight, and so the load: no column beside the model can correct that.
+    Load friction shifts inertia and gravity, and so the load, which no additional column can correct.
     """
 
     def made(each: JointModel, at: np.ndarray) -> LeftOutStretches:
@@ -247,7 +247,7 @@ def _least_gap(stretches: LeftOutStretches) -> float:
 
 
 def _rattle(stretches: LeftOutStretches, reported: float) -> Iterator[Cause]:
-    """Yield a backlash whose parts rattle: what the model misses is larger around reversals of the load.
+    """Yield a backlash whose parts rattle: the residual is larger around reversals of the load.
 
     `reported` is the mean square error of the model without load friction.
     """

@@ -117,17 +117,17 @@ class States:
 
 NEGLECTED_EFFECTS: Mapping[str, Callable[[States], np.ndarray]] = {
     "friction that grows with the load": lambda s: s.direction * np.abs(s.load),
-    "lifting and lowering that lose different shares of the load": lambda s: s.load,
-    "a rotor before what rubs under the load": lambda s: s.direction * np.sign(s.load) * s.acceleration,
+    "different load losses in lifting and lowering": lambda s: s.load,
+    "rotor inertia on the motor side of the load friction": lambda s: s.direction * np.sign(s.load) * s.acceleration,
     "a spring in the drive": lambda s: s.snap,
-    "an angle zero beside where the joint hangs": lambda s: s.cosine,
+    "an error of the angle zero": lambda s: s.cosine,
     "viscosity that declines with speed": lambda s: s.velocity * np.abs(s.velocity),
     "viscosity that declines in one direction": lambda s: s.velocity**2,
     "friction that falls from rest": lambda s: s.direction * s.boundary,
     "load friction that changes with speed": lambda s: s.direction * np.abs(s.load * s.velocity),
     "load friction that falls from rest": lambda s: s.direction * np.abs(s.load) * s.boundary,
     "friction that changes along the travel": lambda s: s.direction * s.travel,
-    "friction that is largest amid the travel": lambda s: s.direction * s.travel**2,
+    "friction that is largest in the middle of the travel": lambda s: s.direction * s.travel**2,
     "viscosity that changes along the travel": lambda s: s.velocity * s.travel,
 }
 """Effects that a friction family may lack: each maps states to an effort of arbitrary scale, shape (m,)."""
@@ -141,7 +141,7 @@ CAUSE_GROUPS: tuple[tuple[str, ...], ...] = (
 )
 """Groups of effects with a common s: all friction is one physical cause, the others are one each."""
 
-TURNING_CAUSE = "friction that gives way where the joint turns"
+TURNING_CAUSE = "presliding friction at reversals"
 """Cause that is stated where columns of `States.turning` move a parameter most; all of them share one s."""
 
 STICTION_CAUSE = "sticking at standstill"
@@ -150,7 +150,7 @@ STICTION_CAUSE = "sticking at standstill"
 COMMON_LOAD_COEFFICIENT = "load_friction"
 """Name of the coefficient that describes the losses in lifting and in lowering by one share of the load."""
 
-UNEQUAL_LOAD_LOSSES = "lifting and lowering that lose different shares of the load"
+UNEQUAL_LOAD_LOSSES = "different load losses in lifting and lowering"
 """The effect that is proportional to the load, and so looks like more inertia and gravity. Only a model with separate
 coefficients for lifting and lowering contains it."""
 

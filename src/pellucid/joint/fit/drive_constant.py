@@ -57,8 +57,8 @@ def estimate_drive_constant(model: JointModel, data: Stack[Motion]) -> Parameter
     """Estimate the effort per ampere or volt from known payloads [N*m/A, N*m/V, N/A or N/V]."""
     if len({m.payload for m in data.motions}) < 2:
         raise IdentificationError(
-            "the drive constant needs recordings with at least two different payloads (none counts as one); "
-            f"found {data.motions[0].payload[0]:g} kg in all"
+            "the drive constant needs recordings with at least two different payloads (no payload counts as one); "
+            f"found {data.motions[0].payload[0]:g} kg in all recordings"
         )
     lower, upper = (np.append(bound, end) for bound, end in zip(model.bounds(), (-np.inf, np.inf), strict=True))
     # The payload's scale starts at 0; the first step estimates it.
@@ -68,7 +68,9 @@ def estimate_drive_constant(model: JointModel, data: Stack[Motion]) -> Parameter
         w, residual = _rows_with_payload(model, values, data)
         norms = np.linalg.norm(w, axis=0)
         if np.linalg.cond(w / np.maximum(norms, np.finfo(float).tiny)) > 1e6:
-            raise IdentificationError("the payload's effort cannot be told from the joint's own in these recordings")
+            raise IdentificationError(
+                "these recordings do not distinguish the payload's effort from that of the joint itself"
+            )
         step = least_squares_within(w, residual, lower - values, upper - values)
         values = values + step
         if np.linalg.norm(w @ step) < STEP_TOLERANCE * size:
@@ -78,8 +80,8 @@ def estimate_drive_constant(model: JointModel, data: Stack[Motion]) -> Parameter
     inverse, sd = values[-1], float(np.sqrt(covariance[-1, -1]))
     if not inverse > 3.0 * sd:
         raise IdentificationError(
-            f"the payload's effect on the drive is {inverse:.3g} +- {sd:.2g} {model.effort_unit} per unit of effort: "
-            "too small or of the wrong sign; check the payload's mass and the sign of the drive's channel"
+            f"the payload changes the drive's effort by {inverse:.3g} ± {sd:.2g} {model.effort_unit} per unit of "
+            "effort, which is too small or has the wrong sign; check the payload's mass and the sign of the channel"
         )
     unit = f"{'N*m' if model.motion == 'rotary' else 'N'}/{model.effort_unit}"
     return Parameter("drive_constant", unit, float(1.0 / inverse), float(sd / inverse**2))
@@ -107,7 +109,7 @@ MIN_EMPTY_LIFTS = 3
 """Least number of lifts without a load: fewer give no spread that an interval could come from."""
 
 MIN_LIFT_SPEED = 0.1
-"""Samples below this speed are left out [rad/s]: friction at rest may be anything up to its largest value."""
+"""Smallest speed of used samples [rad/s]; at rest, friction can have any value up to its largest."""
 
 MIN_MOVING_S = 0.1
 """Shortest time above `MIN_LIFT_SPEED` in a lift that tells a load [s]."""
@@ -200,8 +202,8 @@ def estimate_load(
 
     if len(empty) < MIN_EMPTY_LIFTS:
         raise IdentificationError(
-            f"load: found {len(empty)} lifts without it, expected at least {MIN_EMPTY_LIFTS}: their spread gives the "
-            "interval"
+            f"load: found {len(empty)} lifts without load, expected at least {MIN_EMPTY_LIFTS}, whose spread gives the "
+            "confidence interval"
         )
     if not distance > 0.0:
         raise IdentificationError(f"load: found a distance of {distance:g} m, expected one above 0")

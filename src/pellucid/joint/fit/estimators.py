@@ -187,7 +187,7 @@ ESTIMATION_METHODS = ("ls", "wls", "irls", "iv", "didim", "output_error")
 
 @dataclass(frozen=True)
 class SolvedMethod:
-    """What a method found on the fitted recordings, in the form in which blocks can be left out of it."""
+    """Solution of a method on the fitted recordings, in a form that allows cross-validation over blocks."""
 
     model: JointModel
     found: Solution

@@ -141,7 +141,7 @@ class FamilyFit:
 
     @property
     def headline(self) -> FamilyFit:
-        """The fit with the chosen estimator's values, predictions and errors in place of those of least squares."""
+        """The fit with the values, predictions and errors of the chosen estimator instead of least squares."""
         if self.choice is None or self.choice.method == self.estimate.method:
             return self
         chosen, made = self.others[self.choice.method], self.chosen

@@ -1,8 +1,7 @@
 """Least-squares solver for friction families.
 
 Linear families are solved in one step. Load friction starts from the solution of its linear part. The Stribeck velocity
-is found by profiling. Blocks of time are left out in turn for cross-validation. Weighted and robust fits start from
-least squares.
+is found by profiling. Cross-validation is over blocks of time. Weighted and robust fits start from least squares.
 """
 
 from __future__ import annotations

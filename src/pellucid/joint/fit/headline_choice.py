@@ -252,7 +252,7 @@ def make_cuts(lengths: Sequence[int], count: int) -> list[list[np.ndarray]]:
 
 
 def _effort_loss(solved: SolvedMethod, data: Stack[Motion], cuts: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
-    """Return the squared error of the effort in each row, (m,), from blocks left out, averaged over cuts."""
+    """Return the cross-validated squared error of the effort in each row, (m,), averaged over cuts."""
     values = solved.found.values
     jacobian, effort = regression_rows(solved.model, values, data)
     loss = np.zeros(len(effort))
@@ -266,7 +266,7 @@ def _effort_loss(solved: SolvedMethod, data: Stack[Motion], cuts: Sequence[Seque
 def _position_loss(
     solved: SolvedMethod, data: Stack[Motion], cuts: Sequence[Sequence[np.ndarray]], machine: Machine
 ) -> np.ndarray:
-    """Return the squared error of the simulated position, (m,), from blocks left out, averaged over cuts.
+    """Return the cross-validated squared error of the simulated position, (m,), averaged over cuts.
 
     Every reduced sample counts, those at rest included. Where a simulation leaves the range of motion, its error counts
     as that range.

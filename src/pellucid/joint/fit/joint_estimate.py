@@ -193,7 +193,7 @@ class JointEstimate(Estimates):
         Parameters
         ----------
         name : str
-            Name on the card, in place of a study's name.
+            Name on the card instead of a study's name.
         lifts : str
             Effect of positive motion, in words.
 

@@ -1,4 +1,4 @@
-"""Stretches of recordings that are left out in turn, to see whether columns beside a joint's model predict them."""
+"""Cross-validation over segments of recordings, to test additional columns of a joint's model."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ MIN_ROWS_PER_COLUMN = 10
 """Columns are tried only with this many rows for each."""
 
 MIN_CONTRASTED_ROWS = 5
-"""A stretch tells how errors differ between two kinds of rows with this many of each."""
+"""Smallest number of rows of each kind for which a segment shows a difference of errors between two kinds."""
 
 TRAVEL_EFFECTS = (
     "friction that changes along the travel",
-    "friction that is largest amid the travel",
+    "friction that is largest in the middle of the travel",
     "viscosity that changes along the travel",
 )
 """Neglected effects that are friction which depends on the position."""
 
 
 class LeftOutStretches:
-    """Rows of a regression in stretches that are left out in turn, and the model that causes extend.
+    """Rows of a regression in segments for cross-validation, and the model that causes extend.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class LeftOutStretches:
 
     @property
     def error(self) -> float:
-        """That of the extended model."""
+        """Mean square error of the extended model in cross-validation."""
         return float(np.mean(self._left_out(np.column_stack([self._own, self._beside]), self._target) ** 2))
 
     def share(self, columns: Sequence[np.ndarray]) -> float:
@@ -123,14 +123,14 @@ class LeftOutStretches:
         return float(np.median(ratios)), 1.0 - float(squares[~near].mean()) / float(squares.mean())
 
     def coefficients(self, columns: Sequence[np.ndarray]) -> np.ndarray:
-        """Return the coefficients of columns, (k,), beside all others by least squares."""
+        """Return the least-squares coefficients of additional columns, (k,)."""
         made = np.column_stack([each[self._rows] for each in columns])
         norms = _norms(made)
         wide = np.column_stack([self._own, self._beside, made / norms])
         return np.linalg.lstsq(wide, self._target, rcond=1e-10)[0][-made.shape[1] :] / norms
 
     def spring(self) -> tuple[float, float, float] | None:
-        """Return the stiffness of a spring beside the drive, by least squares beside all others, with its error.
+        """Return the least-squares stiffness of a spring in parallel to the drive, with its error.
 
         The third number is that of independent rows. There is no result where too few rows are left.
         """

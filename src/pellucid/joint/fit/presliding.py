@@ -10,10 +10,10 @@ Both sides are filtered as in every regression. The load y and the Stribeck velo
 at once. The travel with the smallest squared residual is searched on a grid and refined by a parabola.
 
 Its variance is the sum of two squares. The first is a factor times the spread of the same search on bootstrapped blocks
-[1]_. The second is the change of the travel when the terms of the level are left out one by one. An
-error in the level biases the travel in the same way in every stroke, and the bootstrap does not see that. The factor is
-from simulated benches with contacts of this law; for a joint with another law no interval holds. Slow samples, which
-other regressions leave out, are all included, because they show the travel.
+[1]_. The second is the change of the travel when the terms of the level are omitted one by one. An error in the level
+biases the travel in the same way in every stroke, which the bootstrap does not show. The factor comes from simulated
+benches with contacts of this law; for a joint with another law the interval is not valid. Slow samples, which other
+regressions exclude, are all included, because they show the travel.
 
 .. [1] H. R. Kuensch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17, 1989.
 """
@@ -135,7 +135,7 @@ def estimate_presliding(
     )
     bottom = max(0.25 * resolution, 1e-5 * top)
     if not 2.0 * PRESLIDING_SEARCH.min_encoder_steps * resolution < top:
-        return Presliding(why="the joint moves by little more than its encoder tells", resolution=resolution)
+        return Presliding(why="the joint moves by little more than its encoder's resolution", resolution=resolution)
     strokes = [_make_stroke(model, values, m) for m in fitted]
     grid = np.geomspace(bottom, top, int(np.ceil(PRESLIDING_SEARCH.grid_steps_per_decade * np.log10(top / bottom))) + 1)
     fewest, most = strokes[0].fixed.shape[1] + 1, strokes[0].fixed.shape[1] + strokes[0].levels.shape[1]
@@ -175,15 +175,15 @@ def estimate_presliding(
     told = {"resolution": resolution, "slips": slips, "gives": gives, "p_value": p_value}
     farthest = p_value_of_larger_loss(np.split(profile[-1], ends), np.split(profile[nearest], ends))[0]
     if len(starts) < PRESLIDING_SEARCH.min_blocks or farthest > SIGNIFICANCE_LEVEL or high > grid[-2]:
-        return Presliding(why="no reversal shows it, for travels of any length explain the recordings as well", **told)
+        return Presliding(why="no reversal shows it: all displacements explain the recordings equally well", **told)
     if low <= PRESLIDING_SEARCH.min_encoder_steps * resolution:
         return Presliding(
             below=max(high, PRESLIDING_SEARCH.min_encoder_steps * resolution),
-            why="the encoder's steps hide shorter ones",
+            why="limited by the encoder's resolution",
             **told,
         )
     if p_value > SIGNIFICANCE_LEVEL:
-        return Presliding(why="a joint that slips at once predicts effort as well", **told)
+        return Presliding(why="a model without presliding predicts the effort equally well", **told)
     drawn_anew = max(high - found, found - low) / float(ndtri(0.5 + 0.5 * level))
     error = float(np.hypot(PRESLIDING_SEARCH.bootstrap_error_factor * drawn_anew, max(abs(x - found) for x in simpler)))
     return Presliding(Parameter("presliding_travel", UNITS[model.motion]["position"], found, error), **told)

@@ -520,7 +520,7 @@ def find_recording_drift(
 
 
 def _improvement(parts: Sequence[RecordingRows]) -> float:
-    """Return the share of the error on blocks left out that parameters by recording save."""
+    """Return the share by which separate parameters for each recording reduce the cross-validated error."""
     errors = [_error_without_blocks(parts), float(np.linalg.norm([_error_without_blocks([p]) for p in parts]))]
     return 1.0 - errors[1] / errors[0] if errors[0] > 0.0 else 0.0
 
@@ -577,5 +577,5 @@ def enforce_pseudo_inertia(
         residual = data.target - effort
     at_bound = found.at_bound.copy()
     at_bound[i] = True
-    note = f"inertia is held at the least that {mass:g} kg with this gravity torque can have"
+    note = f"inertia is at its lower bound for a mass of {mass:g} kg with this gravity torque"
     return replace(found, values=values, jacobian=jacobian, residual=residual, at_bound=at_bound), (note,)

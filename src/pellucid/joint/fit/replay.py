@@ -7,7 +7,7 @@ from all the others [2]_. Autocorrelated samples count once in two correlation t
 quantile at :math:`(1 + 1/m)` times the level covers the next sample with at least that level, whatever the errors'
 distribution, as long as it does not change.
 
-Held-out recordings have no part in the band; what it covers of them tests it. Its coverage of the fitted recordings is
+Held-out recordings are not used for the band; its coverage of them is a test. Its coverage of the fitted recordings is
 measured by cross-validation: each block is compared with a band made from the other blocks.
 
 .. [1] H. Papadopoulos, K. Proedrou, V. Vovk, A. Gammerman, "Inductive confidence machines for regression", ECML 2002.
@@ -267,7 +267,7 @@ MIN_CONDITION_SAMPLES = 30
 """Smallest number of samples for which the coverage under a condition is reported."""
 
 MAX_BLOCKS = 50
-"""Largest number of blocks that are left out in turn. Longer recordings get longer blocks."""
+"""Largest number of blocks in cross-validation. Longer recordings get longer blocks."""
 
 
 @dataclass(frozen=True)

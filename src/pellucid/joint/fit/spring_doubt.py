@@ -28,7 +28,7 @@ from .left_out_stretches import LeftOutStretches
 
 @dataclass(frozen=True)
 class SpringSettings:
-    """Settings of the search for a spring beside the drive, and of what it leaves open."""
+    """Settings of the search for a spring in parallel to the drive, and of the uncertainty that it causes."""
 
     # Samples into which the filters carry speeds below this share of the root mean square speed are excluded: the
     # errors of friction near standstill lie where a spring is stretched most.
@@ -51,12 +51,12 @@ class SpringSettings:
 SPRING_SETTINGS = SpringSettings()
 
 SPRING_CAUSE = "a parallel spring"
-"""Cause that is stated where a spring beside the drive adds most to a parameter's interval."""
+"""Cause that is reported if a spring in parallel to the drive adds most to a parameter's interval."""
 
 
 @dataclass(frozen=True)
 class SpringDoubt:
-    """What a spring beside the drive leaves open."""
+    """Uncertainty of the other parameters from an undetected spring in parallel to the drive."""
 
     stiffness: float  # standard deviation of the stiffness that is in doubt, in the unit of the stiffness
     covariance: np.ndarray  # what it adds to the parameters' covariance, (p, p)

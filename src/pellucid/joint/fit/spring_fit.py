@@ -6,9 +6,9 @@ r"""Identify a spring on the bench, such as a series-elastic element whose far e
 with q the deflection, f half the width of its hysteresis and J what moves with the end that is driven. z moves by dq/w
 and stays within -1 and 1 (an elastic-plastic element), so that hysteresis builds up over the way w. A spring that
 hardens or softens has a cubic term. A spring with backlash does not pull while q is within a gap; beyond the gap, q
-counts from the gap's edge. Either is fitted if the test that chooses friction families needs it: it must save 5 % of
-the error on blocks left out, and its p value must be below 5 %. The deflection counts from 0, or from the middle of its
-range where that range does not contain 0, as an angle does whose zero is elsewhere.
+counts from the gap's edge. Either is fitted if it passes the test that chooses friction families: it must save 5 % of
+the cross-validated error, with a p value below 5 %. The deflection counts from 0, or from the middle of its range if
+that range does not contain 0, as with an angle whose zero is elsewhere.
 """
 
 from __future__ import annotations
@@ -57,14 +57,14 @@ WAY_SHARE_GRID = np.geomspace(2e-4, 0.05, 17)
 """Ways over which hysteresis may build up, divided by the range of the deflection. The smallest is as good as none."""
 
 NEGLECTED_WAY_RATIOS = (0.25, 0.5, 2.0, 4.0)
-"""Ways beside the fitted one, divided by it: hysteresis builds up over several at once."""
+"""Other displacements over which hysteresis builds up, relative to the fitted one; real hysteresis has several."""
 
-INERTIA_REFUSAL = "what hysteresis does where it turns round looks like inertia"
+INERTIA_REFUSAL = "hysteresis at reversals resembles inertia"
 """Reason for refusing the interval of the inertia: with hysteresis of another law (a bristle of Dahl, 24 draws) it held
 in 15 of 24, where intervals of stiffness, damping and offset held in all and of hysteresis in 22."""
 
 MIN_OWN_COLUMN_SHARE = 0.05
-"""Columns are told apart if each keeps at least this share of its norm beside the others."""
+"""Smallest share of a column's norm that must be independent of the other columns."""
 
 
 @dataclass(frozen=True)
@@ -194,13 +194,13 @@ def fit_spring(motions: Sequence[Motion], *, coordinate: str, effort: str) -> Sp
     if len(target) < 10 * (len(SPRING_PARAMETERS) + 1) or not size > 0.0:
         raise IdentificationError(
             f"found {len(target)} samples in which the spring moves, expected {10 * (len(SPRING_PARAMETERS) + 1)} or "
-            "more with an effort: deflect it both ways, slowly and fast"
+            "more with an effort: deflect the spring in both directions, slowly and fast"
         )
     position = np.concatenate([m.position for m in motions])
     low, high = float(position.min()), float(position.max())
     span = high - low
     if not span > 0.0:
-        raise IdentificationError("found a deflection that never changes, expected one that does, both ways")
+        raise IdentificationError("found a constant deflection, expected one that changes in both directions")
     plain = SpringGeometry(0.0 if low <= 0.0 <= high else 0.5 * (low + high))
 
     def stacked(way: float, geometry: SpringGeometry = plain, *, cubic: bool = False) -> np.ndarray:
@@ -310,7 +310,7 @@ def _edges(motions: Sequence[Motion], gap: SpringGeometry) -> np.ndarray:
 
 
 def _with_backlash(covariance: np.ndarray, to_backlash: np.ndarray) -> np.ndarray:
-    """Return a covariance with the gap's width in place of the last two coefficients, those of its edges."""
+    """Return a covariance with the gap's width instead of the last two coefficients, those of its edges."""
     to_own = np.eye(len(covariance))[:-2]
     change = np.vstack([to_own, to_backlash])
     return change @ covariance @ change.T
@@ -325,8 +325,9 @@ def _require_told_apart(columns: np.ndarray) -> None:
         if not np.linalg.norm(own) > MIN_OWN_COLUMN_SHARE * norm:
             share = 100.0 * float(np.linalg.norm(own)) / norm if norm else 0.0
             raise IdentificationError(
-                f"found {share:.1f} % of what {SPRING_PARAMETERS[i]} does to be its own, expected "
-                f"{100.0 * MIN_OWN_COLUMN_SHARE:.0f} % or more: deflect the spring both ways, at two speeds or more"
+                f"found an independent share of {share:.1f} % for the effect of {SPRING_PARAMETERS[i]}, expected "
+                f"{100.0 * MIN_OWN_COLUMN_SHARE:.0f} % or more: deflect the spring in both directions, at two or more "
+                "speeds"
             )
 
 

@@ -31,15 +31,15 @@ from ...numerics.regression import reduce_motions, regression_rows
 from ...numerics.uncertainty import sandwich_covariance
 
 MIN_PAYLOAD_Z = 3.0
-"""A payload is told if its weight and its inertia exceed zero by more than so many standard errors."""
+"""Smallest ratio of weight, and of inertia, to its standard error for an identifiable payload."""
 
 MIN_EXPLAINED_SHARE = 0.5
-"""A payload is told if it explains at least this share of the power of what the joint alone misses."""
+"""Smallest share of the residual power of the joint alone that an identifiable payload explains."""
 
 MAX_DISTANCE_ERROR_SHARE = 0.25
-"""Mass and distance are told apart only if the distance's standard error is at most this share of it."""
+"""Largest relative standard error of the distance for which mass and distance are reported separately."""
 
-UNTOLD_DISTANCE = "this motion does not tell the payload's inertia well enough: state its distance, or move faster"
+UNTOLD_DISTANCE = "this motion does not determine the payload's inertia: state its distance, or move faster"
 """Reason why the interval of a payload's mass is refused."""
 
 

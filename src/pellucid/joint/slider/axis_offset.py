@@ -1,4 +1,4 @@
-r"""Where a limb's axis lies beside a robot's, from the way that a free carriage travels while both turn.
+r"""Offset of a limb's axis from a robot's, from the travel of a free carriage while both turn.
 
 A limb of length L between its own axis and the cuff, whose axis lies at (a, b) from the robot's, holds the carriage at
 
@@ -74,7 +74,7 @@ class AxisOffset:
 
 
 def estimate_axis_offset(position: np.ndarray, carriage: np.ndarray, limb: np.ndarray, fs: float) -> AxisOffset:
-    """Return where a limb's axis lies beside the robot's, from recordings of slow movements with a free carriage.
+    """Return the offset of a limb's axis from the robot's, from recordings of slow movements with a free carriage.
 
     Parameters
     ----------
@@ -116,8 +116,8 @@ def estimate_axis_offset(position: np.ndarray, carriage: np.ndarray, limb: np.nd
     turned = float(np.ptp(q)) if len(q) else 0.0
     if not turned >= PRIORS.min_range_rad:
         raise IdentificationError(
-            f"axis offset: found a range of {turned:.2g} rad, expected at least {PRIORS.min_range_rad:g} rad: over "
-            "less an axis cannot be told from a limb's length"
+            f"axis offset: found a range of {turned:.2g} rad, expected at least {PRIORS.min_range_rad:g} rad to "
+            "distinguish the offset of the axis from the length of the limb"
         )
     middle = q - 0.5 * (q.min() + q.max())
     nothing, one, sliding = np.zeros(len(q)), np.ones(len(q)), _sliding_direction(x, fs)

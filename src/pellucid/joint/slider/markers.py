@@ -343,7 +343,7 @@ def _coarse_delay(time, angle, optical_time, markers, direction) -> float | None
 
 
 def _fine_delay(time, angle, optical_time, own, markers, delay) -> ClockOffset:
-    """Gauss-Newton for delay and drift; what is linear is solved for at every step."""
+    """Find delay and drift by Gauss-Newton; linear unknowns are solved for at every step."""
     seen = {m: np.isfinite(p[:, 0]) for m, p in markers.items()}
     centred = {m: p[seen[m]] - p[seen[m]].mean(axis=0) for m, p in markers.items() if seen[m].sum() >= 50}
     drift, variance, drifting = 0.0, np.inf, False

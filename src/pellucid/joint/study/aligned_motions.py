@@ -98,17 +98,18 @@ class Clock:
         """The finding in one sentence."""
         clocks = f"the clock of {self.file}", f"that of recording {self.recording}"
         if self.why:
-            return f"How {clocks[0]} lies against {clocks[1]} was not found: {self.why}."
+            return f"The offset between {clocks[0]} and {clocks[1]} was not found: {self.why}."
         runs = alike = ""
         if self.drift:
-            runs = f" and runs faster by {1e6 * self.drift:.3g} ± {1.96e6 * self.drift_error:.2g} millionths"
+            runs = f" and runs faster by {1e6 * self.drift:.3g} ± {1.96e6 * self.drift_error:.2g} ppm"
         elif np.isfinite(self.drift_error):
             least = CLOCK_SEARCH.min_drift_standard_errors * 1e6 * self.drift_error
-            runs = f"; a drift below {least:.2g} millionths would not show"
+            runs = f"; a drift below {least:.2g} ppm would not be detected"
         if self.others:
             alike = ", ".join(f"{x:.2f} s" for x in self.others[:4]) + (" and more" if len(self.others) > 4 else "")
             alike = (
-                f" The motion repeats itself, and {alike} would fit alike: the nearest to the first guess was taken."
+                f" The motion is periodic, and {alike} would fit equally well; the offset nearest to the first guess "
+                "is used."
             )
         return (
             f"T{clocks[0][1:]} is {self.offset:.4f} s later than {clocks[1]} (95 % interval {self.low:.4f} to "
@@ -176,7 +177,7 @@ def _find_clock(recording: Recording, name: str, study: Study) -> Clock:
     try:
         rough, left = _search_offsets(recording, apart, stream, first, sense, study)
         if not len(left) or left[0] > CLOCK_SEARCH.max_unexplained_share:
-            return unknown("its drive explains no motion that was recorded")
+            return unknown("its drive does not explain the recorded motion")
         alike = rough[left < CLOCK_SEARCH.ambiguity_ratio * left[0]]
         # A periodic motion has several possible offsets; the one nearest to the first guess is chosen.
         offset, *others = alike[np.argsort(np.abs(alike - first), kind="stable")].tolist()
@@ -282,27 +283,30 @@ class Alignment:
         """The finding in one sentence; empty if there is none."""
         d, where = self.delay, f" in recording {self.recording}" if self.recording else ""
         if d is None:
-            what = f"The delay of {self.channel} against position was not found: nothing in these recordings shows it."
+            what = f"The delay of {self.channel} relative to position is not identifiable from these recordings."
             return what if self.asked else ""
         interval = f"95 % interval {1e3 * d.low:.3g} to {1e3 * d.high:.3g} ms"
         if d.doubt:
             return (
                 f"A shift of {self.channel} by {1e3 * d.value:.3g} ms{where} would fit better ({interval}), but "
-                f"{d.doubt}: it is no delay that these recordings show, and nothing was moved."
+                f"{d.doubt}. The recordings do not prove a delay, and the channel was not shifted."
             )
         if not (self.moved or self.recording):
-            return f"No delay of {self.channel} against position is certain ({interval})." if self.asked else ""
+            said = f"The delay of {self.channel} relative to position does not differ from 0 ({interval})."
+            return said if self.asked else ""
         first, second = (self.channel, "position") if d.value > 0.0 else ("position", self.channel)
         if d.lag:
-            done = "this was undone before anything else" if self.moved else "it is held out and stays so"
+            done = "it was corrected before the fit" if self.moved else "it was not corrected in held-out recordings"
             return (
-                f"{self.channel} lags{where} behind what moves the joint, as a filter with a time constant of "
-                f"{1e3 * d.value:.3g} ms does ({interval}), which is no mere delay: {done}."
+                f"{self.channel} has the lag of a first-order filter{where}, with a time constant of "
+                f"{1e3 * d.value:.3g} ms ({interval}), rather than a pure delay; {done}."
             )
-        done = f"{self.channel} was moved by that before anything else" if self.moved else "it is held out and stays so"
+        done = f"{self.channel} was shifted before the fit"
+        if not self.moved:
+            done = "it was not corrected in held-out recordings"
         return (
-            f"{first} comes {1e3 * abs(d.value):.3g} ms late{where}, against {second} ({interval} for {self.channel}): "
-            f"{done}."
+            f"{first} is delayed by {1e3 * abs(d.value):.3g} ms{where} relative to {second} ({interval} for "
+            f"{self.channel}); {done}."
         )
 
     @property

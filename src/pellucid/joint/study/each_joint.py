@@ -1,7 +1,7 @@
 """Identify each joint of a study that has several and no table that takes them together.
 
-A joint that rests, or whose effort is constant, shows nothing and is listed as such. A joint whose recordings are not
-fit is left out with its reason. Neither keeps the others from being identified.
+A joint at rest or with a constant effort cannot be identified and is listed as such. A joint with unsuitable recordings
+is excluded with the reason. Neither prevents the identification of the others.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MIN_MOVED_RANGE = {"rotary": MAX_POSTURE_RANGE_RAD, "prismatic": MIN_MOVING_RANG
 
 
 def each_joint_faults(study: Study) -> list[Fault]:
-    """Return the faults of every joint; what refuses one alone is a warning that it is left out."""
+    """Return the faults of every joint; a fault that rejects one joint alone is a warning that it is excluded."""
     found: dict[str, list[Fault]] = {}
     resting: list[Fault] = []
     for joint, view in joint_views(study).items():
@@ -90,11 +90,11 @@ def identify_each_joint(
             left_out[joint] = str(error)
     if not joints:
         raise IdentificationError(_no_joint_text(study, resting, left_out))
-    tell("what one joint does to another", JOINTS_SHARE)
+    tell("coupling between joints", JOINTS_SHARE)
     verdicts = [
         *coupling_verdicts({joint: views[joint] for joint in joints}, joints),
-        *(Verdict("warning", f"{joint} is left out: {why}", finding="left_out") for joint, why in left_out.items()),
-        *(Verdict("note", f"{joint} shows nothing: found {why}.", finding="rest") for joint, why in resting.items()),
+        *(Verdict("warning", f"{joint} is excluded: {why}", finding="left_out") for joint, why in left_out.items()),
+        *(Verdict("note", f"{joint} not identified: found {why}.", finding="rest") for joint, why in resting.items()),
         *_verdicts_of(joints),
     ]
     return complete_each_joint(study, joints, resting, left_out, rank_verdicts(verdicts))
@@ -124,13 +124,13 @@ def _resting_text(view: Study) -> str:
 
 def _resting_fault(view: Study, joint: str, found: str) -> Fault:
     file = next((recording.path.name for recording in view.recordings("fit")), "study.toml")
-    wanted = "a joint that moves under an effort that changes; it is not identified"
+    wanted = "a joint that moves under a varying effort; the joint is not identified"
     message = f"{joint}: found {found}, expected {wanted}"
     return Fault("note", "resting_joint", file, f"position.{joint}", found, wanted, message)
 
 
 def _left_out(fault: Fault, joint: str) -> Fault:
-    return replace(fault, severity="warn", message=f"left out, since it cannot be identified: {fault.message}")
+    return replace(fault, severity="warn", message=f"excluded, because it cannot be identified: {fault.message}")
 
 
 def _of_joints(found: Mapping[str, Sequence[Fault]]) -> list[Fault]:

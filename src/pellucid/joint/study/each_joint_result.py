@@ -114,7 +114,7 @@ def joint_table(
         rows.append((joint, *cells, state))
     heads = ("joint", *(name.replace("_", " ") for name in names), "held-out error")
     return FigureTable(
-        f"Joints, each identified on its own, with half their {100 * level:g} % intervals", heads, tuple(rows)
+        f"Separately identified joints, with half-widths of {100 * level:g} % intervals", heads, tuple(rows)
     )
 
 
@@ -131,11 +131,11 @@ def each_joint_answer(found: EachJointResult) -> Answer:
         AnswerPart(joint, each.verdict, each.reason or heldout_text(found.joints[joint]) or each.sentence)
         for joint, each in answers.items()
     ]
-    parts += [AnswerPart(joint, "cannot say", f"left out: {why}") for joint, why in found.left_out.items()]
+    parts += [AnswerPart(joint, "cannot say", f"excluded: {why}") for joint, why in found.left_out.items()]
     good = [f"{part.name} {part.reason}" for part in parts if part.verdict == "yes"]
     count = len(parts) + len(found.resting)
-    said = f"Of {count} joints, each identified on its own, {len(good)} are predicted within {MAX_GOOD_ERROR:g} % of "
-    said += f"their effort where they were not fitted{': ' * bool(good)}{', '.join(good)}"
+    said = f"{len(good)} of {count} separately identified joints have a prediction error of at most "
+    said += f"{MAX_GOOD_ERROR:g} % on data not used in the fit{': ' * bool(good)}{', '.join(good)}"
     said += "".join(f"; {part.name}: {part}" for part in parts if part.verdict != "yes")
     said += f"; not moved: {', '.join(found.resting)}" if found.resting else ""
     judged = dict.fromkeys(each.basis.judged for each in answers.values() if each.basis is not None)
@@ -144,7 +144,7 @@ def each_joint_answer(found: EachJointResult) -> Answer:
         replace(number, what=f"{joint}: {number.what}") for joint, each in answers.items() for number in each.numbers
     ]
     return answer_of_parts(
-        f"Does each joint's model predict its effort where it was not fitted, within {MAX_GOOD_ERROR:g} %?",
+        f"Does each joint's model predict the effort of data not used in the fit within {MAX_GOOD_ERROR:g} %?",
         f"{said}.",
         parts,
         numbers,

@@ -76,7 +76,7 @@ class JointScore:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class JointFit(JointEstimate):
-    """A joint identified from arrays: the chosen estimate, and what `pellucid identify` reports beside it.
+    """A joint identified from arrays: the chosen estimate, and the full report of `pellucid identify`.
 
     Attributes
     ----------

@@ -100,8 +100,8 @@ def identify_joint(
     aligned_ones = [r for r in every_one if not carries_unknown_payload(r)]
     if carried and not any(r.use == "fit" for r in aligned_ones):
         raise IdentificationError(
-            f'{study.name}: found no recording with use = "fit" and without an unknown payload, expected one: payloads '
-            f"({', '.join(r.name for r in carried)}) are found beside a joint that is known"
+            f'{study.name}: found no recording with use = "fit" and without an unknown payload, expected one: the '
+            f"payloads ({', '.join(r.name for r in carried)}) are estimated relative to the joint without payload"
         )
     everything = motions_of(aligned_ones, study)
     part = take_excerpt(aligned_ones, study, everything)

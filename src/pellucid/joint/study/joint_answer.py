@@ -46,7 +46,7 @@ class JudgedJoint(Protocol):
 
     @property
     def crossed_error(self) -> tuple[float, float]:
-        """Error [%] and R² on stretches left out in turn; NaN if unknown."""
+        """Cross-validated error [%] and R² on segments of the fitted recordings; NaN if unknown."""
 
     @property
     def held_out(self) -> Sequence[HeldOutEffort]:
@@ -62,38 +62,38 @@ class JudgedJoint(Protocol):
 
 
 NO_MACHINE_FINDINGS = ("missing_inertia", "spring_bench")
-"""Findings that the effort was none that moves a machine: a model that predicts it says nothing of one."""
+"""Findings that the recorded effort does not move the machine, so that a good prediction is no model of it."""
 
-STRETCHES_OUT = "stretches of the fitted recordings, each left out in turn"
-"""What the error is of where no recording is held out."""
+STRETCHES_OUT = "segments of the fitted recordings (cross-validation)"
+"""Data of the error if no recording is held out."""
 
-HOLD_OUT_STEP = Step('Hold recordings out: give some of them `use = "validate"` in study.toml; then', "check")
-"""What to do where no recording is held out."""
+HOLD_OUT_STEP = Step('Hold out some recordings (write `use = "validate"` in study.toml), then', "check")
+"""Next step if no recording is held out."""
 
-CONTROLLER_STEP = Step("Make a controller of it", "export")
-"""What to do with a model that predicts."""
+CONTROLLER_STEP = Step("Export a controller", "export")
+"""Next step with a model that predicts."""
 
-CORRECT_STEP = Step("Look for what the model misses, which the warnings name; then", "check")
-"""What to do with a model that does not predict."""
+CORRECT_STEP = Step("Correct the causes that the warnings name, then", "check")
+"""Next step with a model that does not predict."""
 
 
 def joint_answer(fit: JudgedJoint) -> Answer:
-    """Return whether the model predicts the effort where it was not fitted, with its error there.
+    """Return whether the model predicts effort that was not used in the fit, and its error.
 
-    A recording that is held out comes first. Without any, stretches of the fitted recordings that were left out in turn
-    tell the error.
+    The error is that of held-out recordings. Without any, it is the cross-validated error on segments of the fitted
+    recordings.
     """
     error, r2 = headline_error(fit), unfitted_r2(fit)
     effort = EFFORT_NAMES.get(fit.effort_unit, "effort").lower()
     held = [p for p in fit.headlined.predictions if p.split == "heldout"]
     judged = judged_words(fit)
-    question = f"Does the model predict the {effort} where it was not fitted, within {MAX_GOOD_ERROR:g} %?"
+    question = f"Does the model predict the {effort} of data not used in the fit within {MAX_GOOD_ERROR:g} %?"
     model = f"The {fit.best} friction model of the {fit.joint}"
     if not judged:
-        said = f"Nothing was held out. {model} leaves an error of {error} % of the {effort} on what it was fitted to."
-        reason = "nothing was held out"
+        said = f"No recording was held out. {model} has an error of {error} % of the {effort} in the fitted recordings."
+        reason = "no recording was held out"
         return Answer(question, "cannot say", said, reason, basis=_basis(fit, judged), next=(HOLD_OUT_STEP,))
-    said = f"{model} predicts the {effort} of {judged}{'' if held else ','} with an error of {error} %"
+    said = f"{model} predicts the {effort} of {judged} with an error of {error} %"
     ranged = error_range_text(fit) if held else ""
     known_r2 = f" (R² {number(r2, digits=3)})" if np.isfinite(r2) and not ranged else ""
     said += f"{ranged}{known_r2}{_constant_text(fit, effort)}."
@@ -101,7 +101,7 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     no_machine = next((v.text for v in fit.verdicts if v.finding in NO_MACHINE_FINDINGS and v.kind == "warning"), "")
     if verdict == "yes" and no_machine:
         verdict, reason = "cannot say", no_machine[:1].lower() + no_machine[1:].rstrip(".")
-        said = f"The figures are of no machine alone: {reason}. {said}"
+        said = f"The results do not describe the machine alone: {reason}. {said}"
     numbers = [AnswerNumber(f"error of the {effort} on {judged}", error.number, "%", id=error.id)]
     if np.isfinite(r2):
         numbers.append(AnswerNumber(f"R2 on {judged}", r2, "1"))
@@ -137,7 +137,7 @@ def judged_words(fit: JudgedJoint) -> str:
 
 
 def headline_error(fit: JudgedJoint) -> Value:
-    """Return the error that every part tells [%]: of held-out recordings, of stretches left out, or of fitted ones."""
+    """Return the reported error [%]: of held-out recordings, of cross-validation, or of the fitted recordings."""
     best, head = fit.headlined, f"{fit.study}.headline"
     if np.isfinite(best.heldout_effort_error):
         error, name = float(best.heldout_effort_error), f"{head}.heldout.effort_error"
@@ -149,13 +149,13 @@ def headline_error(fit: JudgedJoint) -> Value:
 
 
 def unfitted_r2(fit: JudgedJoint) -> float:
-    """Return R² of held-out recordings, or of stretches left out; NaN if neither is known."""
+    """Return R² of held-out recordings, or of cross-validation; NaN if neither is known."""
     best = fit.headlined
     return float(best.heldout_r2) if np.isfinite(best.heldout_effort_error) else fit.crossed_error[1]
 
 
 def crossed_error_of(fit: JudgedJoint) -> tuple[float, float]:
-    """Return the error [%] and R² on stretches of the fitted recordings, each left out in turn; NaN if unknown."""
+    """Return the cross-validated error [%] and R² on segments of the fitted recordings; NaN if unknown."""
     family = fit.families[fit.best]
     efforts = [p.effort for p in family.predictions if p.split == "fitted"]
     if not family.crossed or not efforts:
@@ -167,7 +167,7 @@ def crossed_error_of(fit: JudgedJoint) -> tuple[float, float]:
 
 
 def _constant_text(fit: JudgedJoint, effort: str) -> str:
-    """Return the error of the best constant effort in words, which says how much there was to predict."""
+    """Return the error of the best constant effort in words, as a baseline."""
     held = fit.held_out
     return f"; the best constant {effort} has {percent(held[0].constant_error)} %" if held else ""
 

@@ -85,10 +85,10 @@ class JointCase:
 
 
 WORN_ADVICE = (
-    "Record the robot alone, or with the limb's torque known ([coupling]). Weight at rest and friction at known speeds "
-    "may still be read from stretches in which the wearer is passive"
+    "Record the robot alone, or with a known torque of the limb ([coupling]). Gravity at rest and friction at known "
+    "speeds can still be estimated from segments in which the wearer is passive"
 )
-"""What to do about a joint that somebody wears."""
+"""Advice on a joint that was worn during a recording."""
 
 
 def wearer_faults(study: Study) -> list[Fault]:
@@ -118,20 +118,20 @@ def _faults_of(recording: Recording, study: Study) -> list[Fault]:
         asked = name != drive and channel.unit == unit and quantity_of(name).role == "command"
         echo = echoed.find_echo(recording[drive][kept], channel.samples[kept]) if asked else None
         if echo is not None:
-            late = f"{1e3 * echo.delay / recording.fs:.3g} ms late (r = {echo.correlation:.4f})"
-            found, wanted = f"the samples of {name}, {late}", "a measurement: it is its own command"
+            late = f"delayed by {1e3 * echo.delay / recording.fs:.3g} ms (r = {echo.correlation:.4f})"
+            found, wanted = f"a copy of the command {name}, {late}", "a measurement"
             message = f"{where}, channel {drive}: found {found}, expected {wanted}"
             faults.append(Fault("warn", echoed.KIND, recording.path.name, drive, found, wanted, message))
     seen = worn.find_worn(recording.time[kept], recording["position"][kept], recording[drive][kept])
     if seen is not None:
-        found, wanted = "; ".join(seen.reasons), f"a machine alone: somebody seems to wear it. {WORN_ADVICE}"
+        found, wanted = "; ".join(seen.reasons), f"a machine alone; it was probably worn. {WORN_ADVICE}"
         message = f"{where}, channel {drive}: found that {found}, expected {wanted}"
         faults.insert(0, Fault("warn", worn.KIND, recording.path.name, drive, found, wanted, message))
     return faults
 
 
-PAYLOAD_ADVICE = "If it carried one, write payload = {} there to have it found, or state its mass and distance."
-"""What to do about a payload that was found and is not stated."""
+PAYLOAD_ADVICE = "If it carried a payload, write payload = {} there to estimate it, or state its mass and distance."
+"""Advice on a payload that was found and is not stated."""
 
 MIN_WEIGHT_SHARE = 0.05
 """A payload that is not stated is named only if it weighs at least this share of what the joint carries by itself."""
@@ -163,11 +163,11 @@ def unstated_payload(values: np.ndarray, covariance: np.ndarray, recording: str,
     names = case.fit.estimate.model.names
     if payload.weight.value < MIN_WEIGHT_SHARE * abs(float(values[names.index("gravity")])):
         return None
-    share = f"{100.0 * payload.explained:.0f} % of what is missed there"
+    share = f"{100.0 * payload.explained:.0f} % of the residual there"
     if not payload.mass.trusted:
-        return f"A payload that is not stated explains {share}: {interval_text(payload.weight, case.level)} of weight."
+        return f"An unstated payload explains {share}: weight {interval_text(payload.weight, case.level)}."
     point = f"{interval_text(payload.mass, case.level)} at {interval_text(payload.distance, case.level)}"
-    return f"A payload that is not stated explains {share}: {point}."
+    return f"An unstated payload explains {share}: {point}."
 
 
 ADVICE_BY_PARAMETER = {

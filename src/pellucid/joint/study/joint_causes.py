@@ -103,7 +103,7 @@ def _cut_saturation(study: Study, estimate: JointEstimate) -> Iterator[Cause]:
 
 
 def _share_of_limit(study: Study, recording: Recording, estimate: JointEstimate, limit: float) -> float:
-    """Return the share of the residual that a limit explains, with the samples that were left out of the fit for it."""
+    """Return the share of the residual that a limit explains, including the samples excluded from the fit for it."""
     whole = replace(recording, cuts=tuple(c for c in recording.cuts if c.kind not in CUT_BEYOND_RANGE_KINDS))
     before = after = 0.0
     for motion in motions_of([whole], study):

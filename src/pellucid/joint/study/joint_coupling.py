@@ -42,10 +42,10 @@ class CouplingLimits:
 COUPLING_LIMITS = CouplingLimits()
 
 ROBOT_ADVICE = (
-    "With the robot's URDF all joints are identified together: make the study again with --urdf FILE, or put the file "
-    'into its folder and add [tree] urdf = "FILE".'
+    "To identify one model of all joints, provide the robot's URDF: run init again with --urdf FILE, or put the file "
+    'into the study\'s folder and add [tree] urdf = "FILE".'
 )
-"""What to do for a model of all joints."""
+"""Advice to identify a model of all joints."""
 
 ROBOT_STEP = Step(ROBOT_ADVICE)
 """The same as a step."""
@@ -75,13 +75,13 @@ def coupling_verdicts(views: Mapping[str, Study], joints: Mapping[str, Result]) 
         if coupling is None:
             continue
         text = (
-            f"The effort of {name} follows the motion of {', '.join(coupling.others)}, too: with it, left-out blocks "
-            f"are predicted with an error of {percent(coupling.joint_error)} % instead of "
-            f"{percent(coupling.own_error)} %. The parameters of {name} are averages over that motion."
+            f"The effort of {name} also depends on the motion of {', '.join(coupling.others)}, which reduces its "
+            f"cross-validated error from {percent(coupling.own_error)} % to {percent(coupling.joint_error)} %. The "
+            f"parameters of {name} are averages over that motion."
         )
         verdicts.append(Verdict("warning", text, ROBOT_ADVICE, "coupled_joints", coupling.own_error))
     if not verdicts and len(views) > 1:
-        text = "Each joint was identified on its own: no model tells what the motion of one does to another."
+        text = "Each joint was identified separately; the effect of one joint's motion on another is not modelled."
         verdicts.append(Verdict("note", text, ROBOT_ADVICE, "each_joint"))
     return verdicts
 

@@ -82,7 +82,7 @@ def _refuse_reversed(model: JointModel, data: Stack, channel: str | None, alone:
     whose = f"recording {alone}: " if alone else ""
     unit = "J" if model.effort_unit in ("N*m", "N") else f"{model.effort_unit}*{UNITS[model.motion]['position']}"
     raise ReversedSignError(
-        f"{whose}the drive takes {-work:.3g} {unit} of work out of the joint and the {evidence} comes out negative "
+        f"{whose}the drive absorbs {-work:.3g} {unit} of work from the joint, and the estimated {evidence} is negative "
         f"({values[evidence]:.3g} {model.unit(evidence)})",
         f"the sign of the drive or of the position is reversed; set sign = -1 on channel '{channel}' or 'position' "
         "in study.toml",
@@ -177,8 +177,8 @@ def _faults(recording: Recording, processing: Processing) -> Iterator[Fault]:
     except RecordingError:
         lies = None
     if lies is None or abs(lies.correlation) < MIN_CORRELATION:
-        found = f"a correlation of {lies.correlation:.2f} with" if lies is not None else "no likeness to"
-        yield fault("velocity_mismatch", f"{found} the position's derivative", "one that follows the position")
+        found = f"a correlation of {lies.correlation:.2f} with" if lies is not None else "no correlation with"
+        yield fault("velocity_mismatch", f"{found} the position's derivative", "a velocity that follows the position")
         return
     size = abs(lies.gain)
     if lies.gain < 0.0:
@@ -199,7 +199,7 @@ def _faults(recording: Recording, processing: Processing) -> Iterator[Fault]:
         )
     late = lies.delay
     if abs(late) > 1.0 / recording.fs and abs(late) > 4.0 * lies.delay_error:
-        what = f"it {1e3 * abs(late):.3g} ms {'late' if late > 0.0 else 'early'} against the position"
+        what = f"a {'delay' if late > 0.0 else 'lead'} of {1e3 * abs(late):.3g} ms relative to the position"
         reach = f"(95 % interval {1e3 * (late - 1.96 * lies.delay_error):.3g} to "
         reach += f"{1e3 * (late + 1.96 * lies.delay_error):.3g} ms)"
         write = f'none, or velocity = {{ delay = "{1e3 * late:.3g} ms" }} in [channels]'
@@ -254,13 +254,13 @@ def _excitation_note(study: Study, model: JointModel, data: Stack) -> Fault:
     )
     weak = [name for name in sorted(found.own, key=found.own.__getitem__) if found.own[name] < MIN_UNEXPLAINED_SHARE]
     text = f"{ranges}; condition number {found.condition:.3g}"
-    say = f"what the fitted motion shows, whatever drove it: {text}"
+    say = f"excitation by the fitted motion: {text}"
     if weak:
         shares = ", ".join(f"{name.replace('_', ' ')} ({100 * found.own[name]:.2g} %)" for name in weak)
-        say += f"; others do nearly all of what these do, which have of their own: {shares}. {advice(weak[0])}"
+        say += f"; nearly collinear with others (share of the effect that is independent): {shares}. {advice(weak[0])}"
     else:
-        say += "; every parameter shows"
-    expected = f"{100 * MIN_UNEXPLAINED_SHARE:.0f} % of what each parameter does to be its own"
+        say += "; every parameter is excited"
+    expected = f"an independent share of {100 * MIN_UNEXPLAINED_SHARE:.0f} % for each parameter"
     return Fault("note", "excitation", "study.toml", "position", text, expected, say.rstrip())
 
 
@@ -270,8 +270,8 @@ def _integration_notes(study: Study) -> Iterator[Fault]:
     integrated = [r.path.name for r in study.recordings() if "position" in r and not given & set(study.specs_of(r))]
     if not integrated or study.rig.motion != "rotary" or study.model.gravity == "none":
         return
-    found = "no position: the velocity is integrated from 0 on"
-    wanted = "recordings that all start at the same angle, or a position; otherwise the weight is wrong"
+    found = "no position, so that the velocity is integrated from 0"
+    wanted = "recordings that all start at the same angle, or a position; otherwise gravity is wrong"
     message = f"{integrated[0]}, channel position: found {found}, expected {wanted}"
     if study.model.gravity == "sine":
         message += '. Write gravity = "sine+cosine" in [model] unless the joint hangs at that angle'

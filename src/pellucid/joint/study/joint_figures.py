@@ -186,8 +186,8 @@ def recordings(traces: Sequence[Trace], fit: JointResult, name: str = "recording
     return Drawing(
         name,
         figure,
-        "What was recorded: joint position, its velocity and the effort at the joint, after the filter. "
-        + ("Blue was fitted; orange was held out and only judged." if held else "Blue was fitted."),
+        "Filtered position, velocity and effort of the joint. "
+        + ("Blue: fitted recordings. Orange: held-out recordings." if held else "Blue: fitted recordings."),
     )
 
 
@@ -240,7 +240,7 @@ def effort(fit: JointResult, family: FamilyFit) -> Drawing:
         "effort",
         figure,
         f"Effort measured (black; white on a dark page) and predicted by the {family.family} model (colour); the band "
-        "is the 95 % prediction interval. Error is the norm of the difference as a share of the norm of the effort."
+        "is the 95 % prediction interval. The error is the norm of the difference relative to the norm of the effort."
         + (f" {SHADED_GAPS_WORDS}" if gaps else "")
         + _rest(left_out).replace("the table below", "the table of held-out errors"),
     )
@@ -299,7 +299,7 @@ def simulation(
     return Drawing(
         name,
         figure,
-        f"{loop}. The line without a hue is measured, the coloured one simulated; the second row is the difference in "
+        f"{loop}. Black (white on a dark page): measured. Colour: simulated. The second row is the difference in "
         "position"
         + (", for each way of estimating the parameters." if len(simulations) > 1 else ".")
         + _rest(len({s.recording for s in simulations[reference]}) - len(chosen)),
@@ -344,9 +344,9 @@ def residuals(fit: JointResult, family: FamilyFit) -> Drawing:
     return Drawing(
         "residuals",
         figure,
-        "What the model does not explain: measured minus predicted effort against position, velocity and load (the "
-        "effort that gravity and inertia take). Thick lines are running medians, the grey band is the 95 % prediction "
-        "interval. A median that leaves zero points at physics the family lacks.",
+        "Residuals: measured minus predicted effort against position, velocity and load (the effort for gravity and "
+        "inertia). Thick lines: running medians. Grey band: 95 % prediction interval. A median that departs from zero "
+        "shows an effect that the model lacks.",
     )
 
 
@@ -377,9 +377,8 @@ def whiteness(fit: JointResult, family: FamilyFit) -> Drawing:
     return Drawing(
         "whiteness",
         figure,
-        "Autocorrelation of the residuals of the fitted recordings. White residuals would stay in the green band. What "
-        "lies outside it is structure that the model or the filter leaves, and it makes the naive intervals too "
-        "narrow: the ones given here are widened for it.",
+        "Autocorrelation of the residuals of the fitted recordings. White residuals would stay in the green band. "
+        "Values outside it come from the model error or the filter. The confidence intervals are widened accordingly.",
     )
 
 
@@ -413,9 +412,9 @@ def friction(fit: JointResult) -> Drawing:
     return Drawing(
         "friction",
         figure,
-        "Friction against velocity. Dots are the fitted samples: measured effort less offset, gravity and inertia. The "
-        "line is the identified friction, the band its 95 % interval from the parameters' covariance (often thinner "
-        "than the line)." + (" Dashed: under a heavy load, either way." if _loaded(best) else ""),
+        "Friction against velocity. Dots: fitted samples (measured effort minus offset, gravity and inertia). Line: "
+        "identified friction, with its 95 % interval from the covariance of the parameters (often thinner than the "
+        "line)." + (" Dashed: under a heavy load, in either direction." if _loaded(best) else ""),
     )
 
 
@@ -444,11 +443,11 @@ def families(fit: JointResult) -> Drawing:
             color=colour(FAMILIES_BY_NAME[family.family].colour),
             fontweight="bold" if family.family == fit.best else "normal",
         )
-    caption = "The same data through each friction family, by least squares, with the effort error of its prediction."
+    caption = "The same data with each friction family, fitted by least squares, with its effort error."
     chosen = fit.headlined
     if chosen.estimate.method != fit.families[fit.best].estimate.method and np.isfinite(chosen.heldout_effort_error):
         method = METHODS.get(chosen.estimate.method, chosen.estimate.method)
-        caption += f" The page's first sentence is of {method}: {percent(chosen.heldout_effort_error)} %."
+        caption += f" The reported result is by {method}: {percent(chosen.heldout_effort_error)} %."
     return Drawing("families", figure, caption)
 
 
@@ -548,8 +547,8 @@ def estimators(fit: JointResult, family: FamilyFit) -> Drawing:
     return Drawing(
         "estimators",
         figure,
-        f"Parameters of the {family.family} model by each estimator, with 95 % intervals; the grey band is the "
-        "interval of the reference, filtered least squares.",
+        f"Parameters of the {family.family} model by each estimator, with 95 % intervals. Grey band: interval of the "
+        "reference method, filtered least squares.",
     )
 
 
@@ -585,7 +584,7 @@ def heldout(fit: JointResult) -> Drawing:
     return Drawing(
         "heldout",
         figure,
-        "Effort error of each family by least squares: blue on what was fitted, orange on what was held out.",
+        "Effort error of each family by least squares: blue on fitted recordings, orange on held-out recordings.",
     )
 
 
@@ -634,7 +633,7 @@ def moving_joint(
     use: str,
     caption: str,
 ) -> MovingDrawing:
-    """Draw a joint along the busiest seconds of a recording, beside its effort, measured and predicted.
+    """Draw a joint along the busiest seconds of a recording, with its measured and predicted effort.
 
     Parameters
     ----------
@@ -729,7 +728,7 @@ POSTURE_DOT_POINTS = 6.0
 
 
 def posture_figure(fit: GravityFit, judged: Sequence[Hold], unit: str) -> Drawing:
-    """Draw effort against angle: fitted postures, `judged` ones, and the weight; effort in `unit`."""
+    """Draw effort against angle: fitted postures, held-out ones (`judged`), and gravity; effort in `unit`."""
     figure, axis = one_panel(3.4)
     angles = np.array([hold.angle for hold in (*fit.holds, *judged)])
     span = np.linspace(angles.min() - CURVE_MARGIN_RAD, angles.max() + CURVE_MARGIN_RAD, 121)
@@ -746,8 +745,8 @@ def posture_figure(fit: GravityFit, judged: Sequence[Hold], unit: str) -> Drawin
     return Drawing(
         "postures",
         figure,
-        "Effort that holds the joint in each posture, and the weight that was found from the fitted ones, which leaves "
-        f"{number(off, off)} {unit_text(unit)} at most.",
+        "Effort that holds the joint in each posture, and gravity estimated from the fitted ones, with a largest "
+        f"residual of {number(off, off)} {unit_text(unit)}.",
     )
 
 
@@ -774,7 +773,6 @@ def spring_loop(trace: SpringTrace, unit: str, effort_label: str) -> Drawing:
     return Drawing(
         "spring-loop",
         figure,
-        f"Effort over deflection of {trace.recording} ({said}): measured "
-        f"(black; white on a dark page), and dashed as the spring predicts it. "
-        "Hysteresis and damping make the loop wide.",
+        f"Effort over deflection of {trace.recording} ({said}): measured (black; white on a dark page) and predicted "
+        "by the spring (dashed). The width of the loop comes from hysteresis and damping.",
     )

@@ -154,17 +154,17 @@ def report_hidden_spring(case: JointCase) -> Iterator[Verdict]:
     if cause != SPRING_CAUSE or half < FINDING_THRESHOLDS.min_hidden_spring_share * abs(found.value):
         return
     text = (
-        f"A parallel spring (hose, cable, skin) would not show beside gravity here: gravity's interval of "
-        f"± {100.0 * half / abs(found.value):.0f} % has room for one of a usual size."
+        "These recordings cannot distinguish a parallel spring (hose, cable, skin) from gravity. The interval of "
+        f"gravity, ± {100.0 * half / abs(found.value):.0f} %, allows for a spring of usual stiffness."
     )
     yield Verdict("note", text, ADVICE_BY_PARAMETER["gravity"])
 
 
 PARALLEL_SPRING_ADVICE = (
-    "It is a term of the model, so that gravity is without it: compensation carries both. Record without hose or cable "
-    "to identify the joint alone."
+    "The model has a separate term for it, and controllers compensate both gravity and spring. To identify the joint "
+    "alone, record it without the hose or cable."
 )
-"""What to know about a parallel spring that was found."""
+"""Advice on a parallel spring that was found."""
 
 
 def report_angle_zero(case: JointCase) -> Iterator[Verdict]:
@@ -229,9 +229,9 @@ def report_collinear(case: JointCase) -> Iterator[Verdict]:
         yield Verdict(
             # Intervals allow for it; `report_wide_interval` warns of wide ones.
             "note",
-            f"The regressor's columns are nearly collinear (condition number {condition:.0f} with columns of equal "
-            "length): some parameters trade off against each other.",
-            "A richer motion helps.",
+            f"The columns of the regressor are nearly collinear (condition number {condition:.0f} after scaling), so "
+            "that errors of some parameters compensate each other.",
+            "Record a richer motion.",
         )
 
 
@@ -241,9 +241,9 @@ def report_coloured_residuals(case: JointCase) -> Iterator[Verdict]:
     if white is not None and white.effective_share < 0.5:
         yield Verdict(
             "note",
-            "Residuals are coloured: 100 samples carry about as much as "
-            f"{max(100 * white.effective_share, 1):.0f} independent ones. Intervals allow for it; textbook intervals "
-            "would be too narrow.",
+            "Residuals are autocorrelated: 100 samples contain as much information as "
+            f"{max(100 * white.effective_share, 1):.0f} independent ones. The intervals take this into account; "
+            "ordinary least-squares intervals would be too narrow.",
         )
 
 
@@ -252,10 +252,10 @@ MIN_ZERO_DIFFERENCE_RAD = np.radians(5.0)
 
 
 ONE_FILE_ADVICE = (
-    "All parts are of one file, with one machine and its settings. Look for what changes within it: the speed, the "
+    "All parts come from one file, with the same machine and settings. Look for a change within the file: speed, "
     "temperature, a contact, or the motion of another joint."
 )
-"""What to do where parts of one file contradict each other."""
+"""Advice if parts of one file contradict each other."""
 
 
 def report_contradicting_recordings(case: JointCase) -> Iterator[Verdict]:
@@ -296,7 +296,7 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float, payl
     others = f"from '{rest}'" if rest else "from the others"
     apart = "; ".join(
         f"{parameter_label(name)} is {text(name, each.own[name])} from it alone, "
-        f"{text(name, each.others[name])} {others}, {number(each.together[name], digits=3)} from what was fitted"
+        f"{text(name, each.others[name])} {others}, {number(each.together[name], digits=3)} in the fit"
         for name in each.own
     )
     sentence = f"Recording '{each.recording}' contradicts {repr(rest) if rest else 'the others'}: {apart}."
@@ -328,7 +328,7 @@ def report_drive_constant(case: JointCase) -> Iterator[Verdict]:
         yield Verdict(
             "good",
             f"The drive gives {case.constant.value:.4g} {case.constant.unit} (interval {low:.4g} to {high:.4g}), from "
-            "the known payloads: put it into study.toml to have results in SI.",
+            "the known payloads. Write it into study.toml to obtain results in SI units.",
         )
     elif case.no_constant:
         yield Verdict("warning", f"{case.no_constant[0].upper()}{case.no_constant[1:]}.")
@@ -336,9 +336,9 @@ def report_drive_constant(case: JointCase) -> Iterator[Verdict]:
         per = "ampere" if case.fit.model.effort_unit == "A" else "volt"
         yield Verdict(
             "note",
-            f"No drive constant is known, so parameters are per {per}: shapes and ratios are meaningful, absolute "
+            f"The drive constant is unknown, so that parameters are per {per}: their ratios are meaningful, absolute "
             "masses are not.",
-            "A recording with a known payload gives it.",
+            "Add a recording with a known payload to identify the drive constant.",
         )
 
 
@@ -361,7 +361,7 @@ def _against_stated(case: JointCase) -> Iterator[Verdict]:
     )
     thousand = any(abs(found.value / k - 1.0) < max(least, error / k) for k in (1e3, 1e-3))
     if thousand and drive.kind == "current":
-        do = "That is the step from A to mA: check the unit of [channels] current."
+        do = "The factor is that between A and mA: check the unit of [channels] current."
     elif drive.constant is not None and drive.resistance is None:
         do = f"Check [rig.drive] {what} (the payloads imply {drive.constant * found.value:.4g} instead of "
         do += f"{drive.constant:.4g}), its gear_ratio, the drive's unit, and the payloads."
@@ -410,7 +410,7 @@ def report_estimators_disagree(case: JointCase) -> Iterator[Verdict]:
         text += "and each weighs what it misses differently. The headline's intervals contain the better estimates."
         yield Verdict("warning", f"{text} {_used(case, involved)}", _advice(case), weight=10.0)
     elif choice.method != "ls":
-        text = f"Ordinary least squares does worse than {METHODS[choice.method]} on left-out stretches."
+        text = f"Ordinary least squares predicts worse than {METHODS[choice.method]} in cross-validation."
         yield Verdict("note", f"{text} {_used(case, involved)}", weight=5.0)
 
 
@@ -433,9 +433,9 @@ def report_other_purpose(case: JointCase) -> Iterator[Verdict]:
     errors = [number(scale * (each.simulation_error or 0.0), digits=3) for each in (chosen, best)]
     yield Verdict(
         "warning",
-        f"The headline predicts the effort best, but another model simulates the motion far better: over "
-        f"{case.choice.horizon:g} s the headline errs by {errors[0]} {unit}, {best.family} friction by "
-        f"{METHODS[best.method]} by {errors[1]} {unit} (RMS).",
+        "The chosen model predicts the effort best, but another model simulates the motion much better. Over "
+        f"{case.choice.horizon:g} s, the simulation error is {errors[0]} {unit} with the chosen model and {errors[1]} "
+        f"{unit} with {best.family} friction by {METHODS[best.method]} (RMS).",
         _advice(case),
         weight=5.0,
     )
@@ -479,18 +479,18 @@ def _used(case: JointCase, involved: list[str]) -> str:
     """Return in words the errors of the methods, and which one's values are used."""
     compared = case.choice.methods_of(case.best)
     if not compared:
-        return f"Nothing was compared: the headline is by {METHODS[case.choice.method]}."
+        return f"Estimators were not compared; results are by {METHODS[case.choice.method]}."
     efforts = {m: compared[m].effort_error for m in involved if m in compared}
     positions = {m: compared[m].simulation_error for m in efforts}
     clauses = []
     if all(error is not None for error in positions.values()):
         scale, unit = _position_scale(case)
         simulated = {m: scale * (error or 0.0) for m, error in positions.items()}
-        clauses.append(f"over {case.choice.horizon:g} s the motion is simulated to {_errors(simulated, unit)}")
-    clauses.append(f"effort is predicted to {_errors(efforts, case.fit.model.effort_unit)}")
+        clauses.append(f"simulated motion over {case.choice.horizon:g} s {_errors(simulated, unit)}")
+    clauses.append(f"effort {_errors(efforts, case.fit.model.effort_unit)}")
     return (
-        f"On stretches of the fitted recordings, each left out in turn, {' and '.join(clauses)}. "
-        f"The headline is by {METHODS[case.choice.method]}."
+        f"Errors in cross-validation on segments of the fitted recordings: {'; '.join(clauses)}. "
+        f"Results are by {METHODS[case.choice.method]}."
     )
 
 
@@ -501,7 +501,7 @@ def _errors(errors: Mapping[str, float], unit: str) -> str:
 
 def _advice(case: JointCase) -> str:
     other = "simulation" if case.choice.purpose == "torque" else "torque"
-    return f'It is chosen for {case.choice.purpose}; write [model] purpose = "{other}" to have it for {other}.'
+    return f'The model is chosen for {case.choice.purpose}. For {other}, write [model] purpose = "{other}".'
 
 
 def report_failed_attempts(case: JointCase) -> Iterator[Verdict]:
@@ -526,9 +526,9 @@ def report_family_choice(case: JointCase) -> Iterator[Verdict]:
         gain = nearest.excess - chosen.excess
         added = added_terms(case.fit.estimate, case.fits[nearest.family].model.names, case.level)
         open_ones = [name for name, is_found in added.items() if not is_found]
-        text = f"The '{case.best}' family predicts stretches of the fitted recordings that it was not fitted to better "
-        text += f"than every simpler one: by {_share(gain)} than '{nearest.family}', the best of them, which is worse "
-        text += f"than the best model by {_share(nearest.excess)} ± {_share(nearest.standard_error)}."
+        text = f"In cross-validation, the '{case.best}' family predicts better than every simpler family: its error is "
+        text += f"{_share(gain)} smaller than that of '{nearest.family}', the best of these, which exceeds the best "
+        text += f"model's by {_share(nearest.excess)} ± {_share(nearest.standard_error)}."
         if open_ones:
             is_partly = len(open_ones) < len(added)
             text += f" Of what it adds, {', '.join(open_ones)} is not identified"
@@ -582,10 +582,10 @@ def report_friction_drift(case: JointCase) -> Iterator[Verdict]:
     change = f"{number(drift.change, drift.standard_error)} ± {number(2.0 * drift.standard_error, digits=2)} {unit}"
     more = f" (and in {len(found) - 1} more)" if len(found) > 1 else ""
     text = (
-        f"Friction drifts in recording '{worst.recording}'{more}: by {change} from its start to its end, "
-        f"{100 * share:.0f} % of the friction there, as a gear that warms up does."
+        f"Friction drifts in recording '{worst.recording}'{more}: it changes by {change} from start to end, "
+        f"{100 * share:.0f} % of its value, as in a gear that warms up."
     )
-    yield Verdict("warning", text, "Let the machine warm up before you record, or identify cold and warm apart.")
+    yield Verdict("warning", text, "Let the machine warm up before you record, or identify cold and warm separately.")
 
 
 def _friction_at(values: Mapping[str, float], speed: float) -> float:
@@ -614,8 +614,8 @@ def report_late_drive(case: JointCase) -> Iterator[Verdict]:
 
 
 COMMON_COEFFICIENT_TEXT = (
-    "motoring and generating load friction cannot be told apart from the load itself: one coefficient stands for both, "
-    "and the intervals of inertia and gravity leave room for either."
+    "load friction while motoring and while generating cannot be distinguished from the load itself. One coefficient "
+    "represents both, and the intervals of inertia and gravity include the difference."
 )
 """Sentence on load friction with one coefficient for both directions of power."""
 
@@ -627,15 +627,15 @@ REASON_TEXTS = {
     ),
     "unknown drive": (
         "The drive's constant is not stated. Even with known payloads,",
-        "State the drive's constant: the payloads then tell both.",
+        "State the drive's constant, so that the payloads identify both coefficients.",
     ),
     "same payload": (
         "All fitted recordings carry the same known load, so that",
         "Record without the payload too, or with another one.",
     ),
     "small payload": (
-        "The known payloads change the load too little:",
-        "Record with a heavier payload, or fix it farther from the axis.",
+        "The known payloads change the load too little, so that",
+        "Record with a heavier payload, or fasten it farther from the axis.",
     ),
 }
 """Beginning of the sentence, and the remedy, by the reason for a common coefficient."""
@@ -662,9 +662,9 @@ def report_odd_recording(case: JointCase) -> Iterator[Verdict]:
     odd = min(held, key=lambda p: left[p.recording])
     if left[odd.recording] > FINDING_THRESHOLDS.max_remaining_share * whole:
         return
-    text = f"Recording '{odd.recording}' explains the held-out error: {odd.effort_error:.3g} % there, "
+    text = f"Recording '{odd.recording}' dominates the held-out error: {odd.effort_error:.3g} % there, "
     text += f"{left[odd.recording]:.3g} % over the others, {whole:.3g} % over all."
-    do = "Look what was different in it: a payload, another machine or setting, warmth."
+    do = "Check what was different in it: a payload, another machine or setting, the temperature."
     payload = unstated_payload(*estimate_without(case, ()), odd.recording, case) if case.rotary else None
     if payload is not None:
         text += f" {payload}"
@@ -699,22 +699,23 @@ def report_parameter_drift(case: JointCase) -> Iterator[Verdict]:
         f"{name.replace('_', ' ')} by {shares[name][0]:+.2g} ± {2.0 * shares[name][1]:.1g} %" for name in told
     )
     text = (
-        f"Parameters change from the start of a recording to its end: {said} (twice the standard error). Allowing for "
-        f"it saves {100.0 * drift.improvement:.2g} % of the error on blocks left out. Intervals contain the drift."
+        f"Parameters drift from the start of a recording to its end: {said} (± two standard errors). A model with "
+        f"drift reduces the cross-validated error by {100.0 * drift.improvement:.2g} %. The intervals include the "
+        "drift."
     )
     gained = [shares[name] for name in SCALED_BY_THE_GAIN if name in shares]
     if "gravity" in told and len(gained) == len(SCALED_BY_THE_GAIN):
         (one, error), (other, other_error) = gained
         if abs(one - other) <= FINDING_THRESHOLDS.max_share_difference_errors * float(np.hypot(error, other_error)):
-            text += " Inertia changes as gravity does: a drifting gain of drive or torque sensor explains that."
-    do = "Let machine, drive and sensors warm up before you record, or identify the parts of the recording apart."
+            text += " Inertia changes by the same share as gravity, as with a drifting gain of drive or torque sensor."
+    do = "Let machine, drive and sensors warm up before you record, or identify parts of the recording separately."
     yield Verdict("warning", text, do)
 
 
 def report_posterior(case: JointCase) -> Iterator[Verdict]:
     """Compare a requested posterior with the least-squares intervals of the best family."""
     if case.no_posterior:
-        yield Verdict("warning", f"No posterior could be drawn: {case.no_posterior}.")
+        yield Verdict("warning", f"The posterior could not be sampled: {case.no_posterior}.")
     if case.posterior is not None:
         compared = pair_with_posterior(case.fit.estimate.parameters, case.posterior)
         yield from posterior_verdicts(compared, case.posterior, case.level)
@@ -727,7 +728,7 @@ def report_prediction(case: JointCase) -> Iterator[Verdict]:
     if fit.fitted_r2 < FINDING_THRESHOLDS.failed_r2:
         yield Verdict(
             "wrong",
-            "The fit failed: even of what was fitted, the model explains no more than "
+            "The fit failed: even in the fitted recordings, the model explains only "
             f"{100 * max(fit.fitted_r2, 0.0):.0f} % of the variance "
             f"(error {fit.fitted_effort_error:.3g} %). The parameters do not describe this machine.",
             "Check units, signs and offsets of the channels, and the drive's constant.",
@@ -736,8 +737,8 @@ def report_prediction(case: JointCase) -> Iterator[Verdict]:
     if not held:
         yield Verdict(
             "warning",
-            'No recording is held out (use = "validate"): the error is of stretches of the fitted recordings, each '
-            "left out in turn, which are more alike than new data.",
+            'No recording is held out (use = "validate"). The error is from cross-validation on segments of the fitted '
+            "recordings, which resemble each other more than new data would.",
         )
         return
     count = count_independent_samples(held)
@@ -746,21 +747,21 @@ def report_prediction(case: JointCase) -> Iterator[Verdict]:
     if fit.heldout_r2 < FINDING_THRESHOLDS.failed_r2:
         yield Verdict(
             "wrong",
-            f"The '{case.best}' family fails on recordings it has never seen: {error}; on the fitted recordings "
+            f"The '{case.best}' family fails on held-out recordings: {error}; on the fitted recordings "
             f"{number(fit.fitted_effort_error, digits=2)} %.",
-            "Check that held-out recordings are of the same machine, in the same units, and move in the same range.",
+            "Check that held-out recordings have the same machine, units and range of motion.",
             weight=9.0,
         )
         return
     yield from _better_on_held_out(case)
     few, large = count < FINDING_THRESHOLDS.min_independent_samples, fit.heldout_effort_error > MAX_GOOD_ERROR
     good = fit.heldout_r2 > SOUND_R2 and fit.fitted_r2 > FINDING_THRESHOLDS.failed_r2 and not large
-    do = f"More than {MAX_GOOD_ERROR:g} % is no good prediction: look for what the model misses." if large else ""
+    do = f"The error exceeds {MAX_GOOD_ERROR:g} %: look for effects that the model lacks." if large else ""
     yield Verdict(
         "warning" if large else "note" if few else "good" if good else "warning",
-        f"The '{case.best}' family predicts effort it has never seen with {error}; on the fitted recordings "
+        f"The '{case.best}' family predicts held-out effort with {error}; on the fitted recordings "
         f"{number(fit.fitted_effort_error, digits=2)} %.",
-        f"{do} {'So few samples say little: hold out more.' * few}".strip(),
+        f"{do} {'The held-out data are too few for a reliable error: hold out more.' * few}".strip(),
         weight=1.0,
     )
 
@@ -773,9 +774,10 @@ def _better_on_held_out(case: JointCase) -> Iterator[Verdict]:
     if gain >= case.study.model.min_improvement:
         yield Verdict(
             "note",
-            f"On held-out recordings the '{name}' family errs by {errors[name]:.3g} %, '{case.best}' by "
-            f"{errors[case.best]:.3g} %. What is held out may not choose, and the fitted recordings do not show it.",
-            'Mark recordings of that kind use = "fit", and hold others out.',
+            f"On held-out recordings, the '{name}' family has an error of {errors[name]:.3g} %, '{case.best}' one of "
+            f"{errors[case.best]:.3g} %. Held-out recordings are not used to choose the family, and the fitted ones do "
+            "not show this difference.",
+            'Mark such recordings use = "fit", and hold out others.',
         )
 
 
@@ -791,11 +793,11 @@ def report_prediction_interval(case: JointCase) -> Iterator[Verdict]:
     if share < case.level - max(FINDING_THRESHOLDS.max_coverage_shortfall, chance):
         fit = case.fit.headline
         larger = fit.heldout_effort_error > FINDING_THRESHOLDS.max_held_out_ratio * fit.fitted_effort_error
-        where = f"The {100 * case.level:.3g} % prediction interval holds only {100 * share:.0f} % of held-out samples"
+        where = f"The {100 * case.level:.3g} % prediction interval covers only {100 * share:.0f} % of held-out samples"
         if larger:
-            said = f"{where}: those recordings ask for something that the fitted ones do not show."
+            said = f"{where}: these recordings contain effects that the fitted ones do not show."
         else:
-            said = f"{where}, whose error is hardly larger than that of the fitted ones: the interval is too narrow."
+            said = f"{where}, although their error is hardly larger than in fitted ones: the interval is too narrow."
         yield Verdict("warning" if larger else "note", said)
         return
     band = case.fit.headline.band
@@ -805,16 +807,17 @@ def report_prediction_interval(case: JointCase) -> Iterator[Verdict]:
         if worst is not None and worst.coverage < case.level - 2.0 * FINDING_THRESHOLDS.max_coverage_shortfall:
             yield Verdict(
                 "note",
-                f"The {100 * case.level:.3g} % prediction interval holds {100 * share:.0f} % of held-out samples, but "
-                f"{100 * worst.coverage:.0f} % of those with {kind} {worst.condition}: the misfit depends on it.",
+                f"The {100 * case.level:.3g} % prediction interval covers {100 * share:.0f} % of held-out samples, but "
+                f"only {100 * worst.coverage:.0f} % of those with {kind} {worst.condition}: the model error depends on "
+                f"{kind}.",
             )
 
 
 RECORDING_ADVICE = (
-    "Before dither or a law that acts near standstill is used, record small slow reversals of growing size around "
-    "several angles. The command `protocol` writes such a motion by the name reversals."
+    "Before you use dither or a controller that acts near standstill, record small slow reversals of increasing size "
+    "around several angles. The command `protocol` writes such a motion under the name reversals."
 )
-"""Advice if no recording shows the travel before friction slips."""
+"""Advice if no recording shows the presliding displacement."""
 
 
 def report_presliding(case: JointCase) -> Iterator[Verdict]:
@@ -826,25 +829,24 @@ def report_presliding(case: JointCase) -> Iterator[Verdict]:
     if found.travel is not None:
         low, high = found.travel.interval(case.level)
         text = (
-            f"Friction builds up over {1e3 * found.travel.value:.3g} {unit} before the joint slips ({1e3 * low:.3g} to "
-            f"{1e3 * high:.3g}, {100 * case.level:g} %)"
+            f"Presliding displacement: {1e3 * found.travel.value:.3g} {unit} ({1e3 * low:.3g} to {1e3 * high:.3g}, "
+            f"{100 * case.level:g} % interval)"
         )
         if case.judged_on_held_out:
             text += (
-                f": over slow samples too, effort that was not fitted is predicted to {found.gives:.3g} "
-                f"{case.fit.model.effort_unit} RMS, to {found.slips:.3g} if it slips at once"
+                f". With slow samples included, the held-out effort error is {found.gives:.3g} "
+                f"{case.fit.model.effort_unit} RMS, and {found.slips:.3g} without presliding"
             )
         yield Verdict("note", f"{text}.")
     elif found.below is not None:
         yield Verdict(
             "note",
-            f"If friction builds up before the joint slips, then over less than {1e3 * found.below:.2g} {unit}: "
-            f"{found.why}.",
+            f"Presliding displacement: below {1e3 * found.below:.2g} {unit} ({found.why}).",
         )
     else:
         yield Verdict(
             "note",
-            f"It is unknown over which way friction builds up before the joint slips: {found.why}.",
+            f"Presliding displacement: not identifiable, because {found.why}.",
             RECORDING_ADVICE,
         )
 
@@ -866,15 +868,15 @@ def report_recording_drift(case: JointCase) -> Iterator[Verdict]:
         )
     text = (
         f"Parameters differ between the {len(between.recordings)} recordings by more than their errors: "
-        f"{'; '.join(said)}. Parameters by recording save {100.0 * between.improvement:.2g} % of the error on blocks "
-        "left out. Intervals contain the spread."
+        f"{'; '.join(said)}. Separate parameters for each recording reduce the cross-validated error by "
+        f"{100.0 * between.improvement:.2g} %. The intervals include the spread."
     )
-    do = "Look what changed between them (heat, load, a gain set anew), or identify them apart."
+    do = "Check what changed between them (temperature, load, a gain), or identify them separately."
     yield Verdict("warning", text, do)
 
 
 def report_spring_bench(case: JointCase) -> Iterator[Verdict]:
-    """Report a spring that the joint's model leaves out, or takes for a weight."""
+    """Report a spring that the joint's model lacks, or attributes to gravity."""
     fitted = [p for p in case.fit.predictions if p.split == "fitted"]
     if not fitted:
         return
@@ -883,16 +885,15 @@ def report_spring_bench(case: JointCase) -> Iterator[Verdict]:
     missed = float(np.sum(np.concatenate([p.effort - p.predicted for p in fitted]) ** 2))
     unit = unit_text("N*m/rad" if case.rotary else "N/m") if case.fit.model.effort_unit in ("N*m", "N") else ""
     said = f"{number(stiffness, error)} ± {number(STANDARD_ERRORS * error, digits=2)} {unit}".rstrip()
-    do = 'A spring is no joint of its own: state protocol = "locked_spring" to identify it, or record the joint with '
-    do += "its end free."
+    do = 'If this is a spring with one end locked, state protocol = "locked_spring" to identify it; otherwise record '
+    do += "the joint with its end free."
     if (
         stiffness > 0.0
         and missed > FINDING_THRESHOLDS.min_joint_unexplained_share * size
         and left < MAX_SPRING_UNEXPLAINED_SHARE * size
     ):
-        text = f"The effort follows the position as that of a spring of {said}, which explains "
-        text += f"{100.0 * (1.0 - left / size):.0f} % of its variance; the joint's model explains "
-        text += f"{100.0 * max(1.0 - missed / size, 0.0):.0f} %."
+        text = f"The effort is that of a spring of {said}, which explains {100.0 * (1.0 - left / size):.0f} % of its "
+        text += f"variance; the model of a joint explains {100.0 * max(1.0 - missed / size, 0.0):.0f} %."
         yield Verdict("wrong", text, do, weight=2.0)
         return
     found = {p.name: p for p in case.fit.estimate.parameters}
@@ -901,22 +902,22 @@ def report_spring_bench(case: JointCase) -> Iterator[Verdict]:
     inertia = found["inertia"]
     is_unseen = inertia.at_bound or inertia.value < STANDARD_ERRORS * inertia.standard_error
     if "parallel_stiffness" in found and "gravity" not in found and is_unseen and stiffness > 0.0:
-        text = f"The effort follows the position as that of a spring of {said}, and no inertia is seen: this is most "
-        yield Verdict("warning", f"{text}likely a spring whose end is locked.", do, weight=2.0)
+        text = f"The effort is that of a spring of {said} and shows no inertia: this is probably a spring with one end "
+        yield Verdict("warning", f"{text}locked.", do, weight=2.0)
         return
     text = _weight_without_inertia(case)
     is_alike = left <= FINDING_THRESHOLDS.max_spring_alike_share * size
     if text and is_alike and case.fit.model.effort_unit == "N*m":
-        text += f" this is most likely a spring of {said}, which looks like a weight over small angles."
+        text += f" this is probably a spring of {said}, which resembles gravity over small angles."
         yield Verdict("warning", text, do, weight=2.0)
 
 
 def report_missing_inertia(case: JointCase) -> Iterator[Verdict]:
-    """Report an effort that carries the weight and moves nothing, as that of a machine that is guided by hand."""
+    """Report an effort that carries the weight and moves nothing, as in a machine that is guided by hand."""
     text = _weight_without_inertia(case)
     if text:
-        text += " the effort carries the weight, and something else moves the joint, such as a hand that guides it."
-        do = "Record the joint while its drive alone moves it, or with what guides it measured."
+        text += " the drive only carries the weight, and something else, such as a guiding hand, moves the joint."
+        do = "Record the joint while its drive alone moves it, or measure the force that guides it."
         yield Verdict("warning", text, do, weight=2.0)
 
 
@@ -936,14 +937,14 @@ def _weight_without_inertia(case: JointCase) -> str:
     if not (sure and shown and np.isfinite(most) and most * GRAVITY < MIN_LEVER_M * gravity.value):
         return ""
     return (
-        f"A weight of {number(gravity.value, gravity.standard_error)} {unit_text(gravity.unit)} with an inertia below "
-        f"{number(most, digits=2)} {unit_text(inertia.unit)} would hang less than {100 * MIN_LEVER_M:.0f} cm from the "
-        "axis:"
+        f"Gravity of {number(gravity.value, gravity.standard_error)} {unit_text(gravity.unit)} with an inertia below "
+        f"{number(most, digits=2)} {unit_text(inertia.unit)} implies a mass less than {100 * MIN_LEVER_M:.0f} cm from "
+        "the axis, which is implausible:"
     )
 
 
 def _spring(fitted: Sequence[Prediction]) -> tuple[float, float, float]:
-    """Return a spring's stiffness, its standard error, and the squares that it leaves beside damping and friction."""
+    """Return a spring's stiffness, its standard error, and the residual sum of squares with damping and friction."""
     parts = []
     for p in fitted:
         one = np.ones_like(p.position)
@@ -960,22 +961,22 @@ def report_unknown_payload(case: JointCase) -> Iterator[Verdict]:
         if payload is None:
             yield Verdict(
                 "warning",
-                f"The payload of recording '{name}' cannot be found: that needs a rotary joint with free inertia and "
-                "gravity, and efforts in N*m.",
+                f"The payload of recording '{name}' cannot be estimated: this needs a rotary joint with free inertia "
+                "and gravity, and efforts in N*m.",
                 "State its mass and distance, or remove gravity and inertia from [model] known.",
             )
             continue
-        share = f"It explains {100.0 * max(payload.explained, 0.0):.0f} % of what the joint without it misses there."
+        share = f"It explains {100.0 * max(payload.explained, 0.0):.0f} % of the residual of the joint without payload."
         mass, distance, weight, inertia = (
             interval_text(p, case.level) for p in (payload.mass, payload.distance, payload.weight, payload.inertia)
         )
         if not payload.is_told:
-            text = f"No payload is certain in recording '{name}': its weight is {weight}, its inertia {inertia}."
-            yield Verdict("warning", f"{text} {share}", "Look what else differs in it; or delete payload = {} there.")
+            text = f"The payload of recording '{name}' is not identifiable: weight {weight}, inertia {inertia}."
+            yield Verdict("warning", f"{text} {share}", "Check what else differs in it, or delete payload = {} there.")
             continue
-        said, do = f"Recording '{name}' carries {weight} of weight and {inertia} of inertia", ""
+        said, do = f"The payload of recording '{name}' has a weight of {weight} and an inertia of {inertia}", ""
         if payload.mass.trusted:
-            said += f", as a point of {mass} at {distance} would"
+            said += f", equal to a point mass of {mass} at {distance}"
             do = f'To fit it with the others, write payload = {{ mass = "{payload.mass.value:.4g} kg", '
             do += f'distance = "{payload.distance.value:.4g} m" }} there.'
         yield Verdict("note", f"{said}. {share}", do)
@@ -986,7 +987,7 @@ WEAKNESS_REASONS = {
     "gravity": "it hardly leaves its resting angle",
     "gravity_cosine": "its range of angles is too small",
     "parallel_stiffness": "its range of positions is too small",
-    "offset": "friction in the two directions hides it",
+    "offset": "friction in the two directions masks it",
 } | {term.name: term.weak_because for term in TERMS}
 """Reason why recordings may not show a parameter; ``{speed}`` is the largest recorded speed."""
 
@@ -995,7 +996,7 @@ DEFAULT_REASON = "it never moves faster than {speed}"
 
 
 OFTEN_ZERO_PARAMETERS = ("offset", "gravity_cosine")
-"""Parameters that most joints do not have. Where they cannot be told from zero, their intervals say so."""
+"""Parameters that most joints lack. If they do not differ from zero, their intervals are reported without a warning."""
 
 
 def report_weak_parameter(case: JointCase) -> Iterator[Verdict]:
@@ -1072,7 +1073,7 @@ def report_wide_interval(case: JointCase) -> Iterator[Verdict]:
     )
     said = "; ".join(_sentence(p, case.level, estimate) for p in wide)
     first = min(wide, key=lambda p: p.name not in ALWAYS_STATED_PARAMETERS)
-    yield Verdict("warning" if matters else "note", f"Known roughly only: {said}.", advice(first.name))
+    yield Verdict("warning" if matters else "note", f"Wide confidence intervals: {said}.", advice(first.name))
 
 
 def _half_width(parameter: Parameter, level: float) -> float:
@@ -1081,7 +1082,7 @@ def _half_width(parameter: Parameter, level: float) -> float:
 
 
 def _is_wide(parameter: Parameter, level: float) -> bool:
-    """Whether a parameter is told from zero, has an interval to be read, and the interval is wide."""
+    """Whether a parameter differs from zero, has a valid interval, and the interval is wide."""
     read = parameter.identifiable and parameter.trusted and not parameter.at_bound and parameter.influence > 0.0
     return read and _half_width(parameter, level) > FINDING_THRESHOLDS.max_half_width_share * abs(parameter.value)
 
@@ -1094,11 +1095,11 @@ def _sentence(parameter: Parameter, level: float, estimate: JointEstimate) -> st
     if estimate.discrepancy is not None and parameter.name in estimate.discrepancy.names:
         cause = estimate.discrepancy.of([parameter.name])[1][0]
     if not cause or parameter.statistical_error > FINDING_THRESHOLDS.min_statistical_share * parameter.standard_error:
-        cause = "the motion hardly shows it"
+        cause = "the motion excites it too little"
     else:
-        cause = f"{cause} would move it"
+        cause = f"{cause} could bias it"
     name = parameter.name.replace("_", " ")
-    return f"{name} to ± {100.0 * half / abs(parameter.value):.0f} % ({value}; {cause})"
+    return f"{name} ± {100.0 * half / abs(parameter.value):.0f} % ({value}; {cause})"
 
 
 WORN_WEIGHT = 1e6
@@ -1112,13 +1113,14 @@ def report_worn_joint(case: JointCase) -> Iterator[Verdict]:
     echoes = [fault for fault in faults if fault.kind != worn.KIND]
     if worn_faults:
         files, found = _files_of(worn_faults), worn_faults[0].found
-        text = f"Somebody seems to wear the joint in {files}: {found}. No channel was moved for it."
+        text = f"The joint was probably worn in {files}: {found}. The channels were not shifted in time."
         yield Verdict("warning", text, f"{WORN_ADVICE}.", weight=WORN_WEIGHT)
     if echoes:
         text = (
-            f"{echoes[0].channel} of {_files_of(echoes)} is no measurement: {echoes[0].found}. It is its own command."
+            f"{echoes[0].channel} of {_files_of(echoes)} is a copy of the command, not a measurement: "
+            f"{echoes[0].found}."
         )
-        do = "Log what the drive's current or a torque sensor measured."
+        do = "Record the measured current of the drive, or a torque sensor."
         yield Verdict("warning", text, do, weight=WORN_WEIGHT)
 
 
@@ -1152,8 +1154,8 @@ def report_wrong_unit(case: JointCase) -> Iterator[Verdict]:
         words = {"rad": "radians", "deg": "degrees"}
         yield Verdict(
             "wrong",
-            f"The position looks like {words[meant]} declared as {words[stated]}: read so, the model misses "
-            f"{error_in_meant:.3g} % of the effort instead of {error:.3g} %.",
+            f"The position is probably in {words[meant]}, not in {words[stated]} as stated: the effort error is "
+            f"{error_in_meant:.3g} % in {words[meant]} and {error:.3g} % in {words[stated]}.",
             f'Write unit = "{meant}" in [channels] position.',
             weight=11.5,
         )

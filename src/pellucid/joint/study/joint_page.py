@@ -40,8 +40,8 @@ from .joint_figures import moving_joint, whole_recordings
 from .joint_result import JointResult, Trace
 
 ESTIMATOR_EXPLANATIONS = (
-    (("ls",), "least squares trusts the filtered motion as measured"),
-    (("wls", "irls"), "weighted and robust fits let noisy samples count for less"),
+    (("ls",), "least squares takes the filtered motion as exact"),
+    (("wls", "irls"), "weighted and robust fits give noisy samples less weight"),
     (
         ("iv", "didim"),
         "instrumental variables and DIDIM put a simulated motion in the place of the measured one, so that its noise "
@@ -65,7 +65,7 @@ def page(study: Study, result: JointResult) -> Page:
             "Parameters",
             (
                 f"The {result.best} model: {FAMILIES.get(result.best, result.best)}. "
-                f"{_by_whom(result)} The last digit shown is the second uncertain one.",
+                f"{_by_whom(result)} Values are shown to the second uncertain digit.",
             ),
             (_parameters(result, best.estimate, result.confidence),),
             notes=tuple(typeset_sentence(note) for note in best.estimate.notes),
@@ -89,8 +89,8 @@ def page(study: Study, result: JointResult) -> Page:
     ]
     if simulated is not None and (motion := _simulation_drawings(result, simulated)):
         simulation_text = (
-            "A prediction of effort can look good while a simulation drifts, so the identified joint "
-            f"({simulated.family} friction) is also set in motion."
+            "A model that predicts effort well may still drift in simulation. The identified joint "
+            f"({simulated.family} friction) is therefore simulated as well."
         )
         table = _simulated(result, simulated)
         sections.append(Section("simulation", "Simulated motion", (simulation_text,), (table,), motion))
@@ -160,7 +160,7 @@ def _posterior(fit: JointResult) -> tuple[Section, ...]:
     if fit.posterior is None:
         return ()
     text = (
-        f"The same rows by a posterior: bounds hold, and what a {fit.best} model lacks is as large as the draws say. "
+        f"Posterior from the same data, with physical bounds and an estimated error of the {fit.best} model. "
         f"{fit.posterior.settled}."
     )
     drawing = draw(posterior_figure, fit.posterior_pairs, fit.confidence)
@@ -205,8 +205,9 @@ def _compared_family(fit: JointResult) -> FamilyFit | None:
 def _tiles(fit: JointResult, level: float) -> list[Tile]:
     best = fit.headlined
     judged = judged_words(fit)
-    more = f"on {judged}; {percent(best.fitted_effort_error)} % on what was fitted" if judged else "on what was fitted"
-    tiles = [Tile("Error where it was not fitted" if judged else "Error", str(headline_error(fit)), "%", more)]
+    fitted = "in the fitted recordings"
+    more = f"on {judged}; {percent(best.fitted_effort_error)} % {fitted}" if judged else fitted
+    tiles = [Tile("Prediction error" if judged else "Error", str(headline_error(fit)), "%", more)]
     # Inertia, gravity and friction are the parameters that a reader looks for first.
     wanted = ("inertia", "gravity", "coulomb", "coulomb_positive", "viscous", "viscous_positive")
     for name in [n for n in wanted if n in best.model.names][:3]:
@@ -224,9 +225,9 @@ def _by_whom(fit: JointResult) -> str:
         return f"Values are by {chosen} on filtered data."
     aim = {"torque": "the torque", "simulation": "the simulated motion"}[choice.purpose]
     return (
-        f"Values are by {chosen}: of {len(choice.candidates)} models, each a friction family with an estimator, it is "
-        f"the simplest that predicts stretches of the fitted recordings, each left out in turn, as well as the best "
-        f"one. The purpose of the study, {aim}, weighs the errors."
+        f"Values are by {chosen}. Of {len(choice.candidates)} combinations of friction family and estimator, this is "
+        "the simplest that predicts as well as the best one in cross-validation on segments of the fitted recordings. "
+        f"The purpose of the study, {aim}, determines the error that is compared."
     )
 
 
@@ -261,11 +262,11 @@ def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Tabl
 
 def _families_words(fit: JointResult) -> str:
     if len(fit.families) == 1:
-        return f"Only one family was asked for, {fit.best}: {FAMILIES.get(fit.best, fit.best)}."
+        return f"Only one family was fitted, {fit.best}: {FAMILIES.get(fit.best, fit.best)}."
     return (
-        "All families are fitted by least squares here, so that they differ in nothing else. A richer model always "
-        "fits better. Best is the family of the simplest model that predicts stretches of the fitted recordings, each "
-        "left out in turn, as well as the best model. Recordings that were not fitted judge it."
+        "All families are fitted by least squares here, so that only the friction model differs. A richer model always "
+        "fits better. The chosen family is the simplest that predicts as well as the best one in cross-validation on "
+        "segments of the fitted recordings. Held-out recordings test it."
     )
 
 
@@ -292,7 +293,7 @@ def _by_recording(fit: JointResult) -> Table:
         best = [p for p in fit.headlined.predictions if p.recording == recording]
         inside = f"{100.0 * best[0].coverage:.1f}" if best else "–"
         rows.append((recording, figures.SPLIT_LABELS.get(split, split), *errors, inside))
-    heads = ("Recording", "Use", *(f"{f} (%)" for f in fit.families), f"inside the interval, {fit.best} (%)")
+    heads = ("Recording", "Use", *(f"{f} (%)" for f in fit.families), f"coverage of the interval, {fit.best} (%)")
     return number_table(heads, rows, "Effort error by recording and family.", words=2)
 
 
@@ -303,10 +304,10 @@ def _by_condition(fit: JointResult) -> tuple[tuple[str, Table], ...]:
     rows = [(c.kind, c.condition, f"{100.0 * c.coverage:.1f}", f"{c.samples}") for c in band.conditions]
     width = f"± {number(band.half_width, digits=3)} {unit_text(fit.effort_unit)}"
     caption = (
-        f"What the prediction interval of {width} holds of blocks of the fitted recordings, each predicted from the "
-        "others, by intervals in which they had no part."
+        f"Cross-validated coverage of the prediction interval of {width}, on blocks of the fitted recordings: each "
+        "block is compared with a model and an interval from the others."
     )
-    table = number_table(("By", "", "inside the interval (%)", "Samples"), rows, caption, words=2)
+    table = number_table(("Condition", "", "Coverage (%)", "Samples"), rows, caption, words=2)
     return (("Prediction interval by condition", table),)
 
 

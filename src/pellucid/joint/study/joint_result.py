@@ -136,7 +136,7 @@ def complete_result(study: Study, found: JointResult) -> JointResult:
     cards = {f"joint.{name}": card_of(study, found, family) for name, family in found.families.items()}
     compared: tuple[FigureTable, ...] = ()
     if found.posterior is not None:
-        title = f"Posterior beside least squares with {found.best} friction"
+        title = f"Posterior and least squares with {found.best} friction"
         compared = (posterior_table(title, found.posterior_pairs, found.confidence),)
     found = replace(found, crossed_error=crossed_error_of(found))
     return replace(

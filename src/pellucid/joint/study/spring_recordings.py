@@ -47,7 +47,7 @@ def _fitted(study: Study) -> SpringFit:
 
 
 def identify_spring(study: Study) -> SpringResult:
-    """Return the stiffness, damping and hysteresis of a spring, judged on held-out recordings if there are any."""
+    """Return the stiffness, damping and hysteresis of a spring, tested on held-out recordings if there are any."""
     for recording in study.recordings():
         require_sound(recording, study)
     require_live_effort(study)
@@ -77,7 +77,7 @@ def identify_spring(study: Study) -> SpringResult:
 
 
 def _traces(study: Study, fit: SpringFit) -> tuple[SpringTrace, ...]:
-    """Return every recording with its prediction, what is held out last."""
+    """Return every recording with its prediction, held-out recordings last."""
     made = []
     for recording in sorted(study.recordings(), key=lambda each: each.use != "fit"):
         motions = motions_of([recording], study)

@@ -69,7 +69,7 @@ def _holds(study: Study, use: str) -> list[Hold]:
 
 
 def identify_postures(study: Study) -> PostureResult:
-    """Return the weight of a joint that is only held, judged on held-out postures if there are any."""
+    """Return the gravity of a joint from static postures, tested on held-out postures if there are any."""
     for recording in study.recordings():
         require_sound(recording, study)
     unit = drive_model(study.rig).effort_unit

@@ -1,7 +1,7 @@
 """Figures of a joint whose friction depends on direction, each a function from plain arrays to a drawing.
 
-Models are named by the caller and keep one colour each; what was measured, or is true, is dark grey. SI in; angles and
-small lengths are drawn in degrees and millimetres.
+The caller names the models, which keep one colour each; measured and true values are dark grey. Inputs are in SI;
+angles and small lengths are drawn in degrees and millimetres.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ def travel_of(config: StudyFile, recordings: Sequence[Recording]) -> Parameter |
 
 
 def axis_offsets_of(config: StudyFile, recordings: Sequence[Recording]) -> dict[str, AxisOffset]:
-    """Where the wearer's axis lies beside the robot's, by recording with a free carriage."""
+    """Return the offset of the wearer's axis from the robot's, by recording with a free carriage."""
     found = {}
     for recording in recordings:
         if recording.protocol != FREE_CARRIAGE_NAME:
@@ -146,7 +146,7 @@ def _fit(
     checksums: dict[str, str],
     tell: Progress,
 ) -> SliderFit:
-    """Every method on the fitted motions, judged on all that move."""
+    """Fit every method to the fitted motions and test it on all motions."""
     rig = config.rig
     assert rig.slider is not None  # the procedure is asked for a joint with a carriage alone
     fitted = [m for m in motions if m.split == "fitted"]
@@ -219,7 +219,7 @@ def filter_note(config: StudyFile) -> str:
         parts = [f"zero-phase Butterworth low-pass, order {p.order}, {p.lowpass:g} Hz, on position and current alike"]
     parts.append("derivatives by central differences; friction low-passed as current is")
     if p.dead_band:
-        parts.append(f"samples slower than {p.dead_band:g} rad/s left out")
+        parts.append(f"samples slower than {p.dead_band:g} rad/s excluded")
     return "; ".join(parts)
 
 
@@ -231,13 +231,15 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
     verdicts = [
         Verdict(
             "good" if error["dissociated"] < error["pooled"] else "warning",
-            f"Dissociating the directions takes the mean current error on {split} from {error['pooled']:.4f} to "
-            f"{error['dissociated']:.4f} A, a factor of {error['pooled'] / error['dissociated']:.2f}.",
+            f"Separate parameters for each direction reduce the mean current error on {split} from "
+            f"{error['pooled']:.4f} to {error['dissociated']:.4f} A, by a factor of "
+            f"{error['pooled'] / error['dissociated']:.2f}.",
         ),
         Verdict(
             "good" if error[best] <= 1.05 * error["dissociated"] else "note",
-            f"One coherent body with {SLIDER_METHODS[best].split(', ')[1]} errs by {error[best]:.4f} A with "
-            f"{len(fit[best].values)} parameters, the dissociated model with {len(fit['dissociated'].values)}.",
+            f"One rigid body with {SLIDER_METHODS[best].split(', ')[1]} has an error of {error[best]:.4f} A with "
+            f"{len(fit[best].values)} parameters; the model with separate directions has "
+            f"{len(fit['dissociated'].values)}.",
         ),
     ]
     model = fit.sets
@@ -250,15 +252,15 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
     friction = directional_friction(model, x, q)
     if friction.min() < 0.0:
         text = (
-            f"Between its directions the dissociated model rubs by {friction.min():.3g} to {friction.max():.3g} N*m at "
-            "rest: where that is negative, such a joint would drive itself."
+            f"The friction at rest of the dissociated model is {friction.min():.3g} to {friction.max():.3g} N*m. A "
+            "negative value is impossible: the joint would drive itself."
         )
         verdicts.append(Verdict("warning", text))
     notes = [*(note for name in ("consistent", "load") for note in fit[name].notes), travel_in_words(fit.travel)]
     if LOAD_FEATURE in features_of(fit.body("load").names):
         notes.append(
-            "The carriage's mass is not known, so motoring and generating friction share one coefficient: weigh the "
-            'carriage and write it as [rig.slider] mass = "... kg".'
+            "The mass of the carriage is unknown, so that friction while motoring and while generating share one "
+            'coefficient: weigh the carriage and write [rig.slider] mass = "... kg".'
         )
     return (*verdicts, *(Verdict("note", note) for note in notes))
 
@@ -267,15 +269,13 @@ def travel_in_words(travel: Parameter | None) -> str:
     """Return sentences on the presliding travel, or on what to record to find it."""
     if travel is None:
         return (
-            "Over what way friction builds up before the joint slips is not known, and no controller with dither is "
-            f'offered: record slow motions that turn round, of protocol = "{REVERSALS_NAME}" (at least '
-            f"{TRAVEL_SEARCH.min_turn_count} turns)."
+            "The presliding displacement is unknown, so that controllers with dither are not offered. Record slow "
+            f'reversals of protocol = "{REVERSALS_NAME}" (at least {TRAVEL_SEARCH.min_turn_count} reversals).'
         )
     low, high = (1e3 * max(x, 0.0) for x in travel.interval())
     if travel.at_bound:
         return (
-            f"The joint slips at once: if its friction builds up before it does, then over less than {high:.2g} mrad, "
-            "about the shortest way that is tried."
+            f"Presliding displacement: below {high:.2g} mrad, about the smallest that is tested."
         )
     return (
         f"Before the joint slips its friction builds up over {1e3 * travel.value:.2g} mrad ({low:.2g} to {high:.2g}) "

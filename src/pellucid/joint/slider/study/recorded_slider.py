@@ -109,7 +109,7 @@ def require_torques(config: StudyFile) -> None:
 
 
 def require_dissipation(motions: Sequence[SliderMotion]) -> None:
-    """Do nothing where the drive spends energy on a joint that goes to and fro."""
+    """Raise an error unless the drive does positive work on a joint that moves back and forth."""
     work = sum(float((m.effort * m.velocity).sum()) / m.fs for m in motions)
     if motions and work < 0.0:
         names = ", ".join(m.recording for m in motions[:3]) + (", ..." if len(motions) > 3 else "")

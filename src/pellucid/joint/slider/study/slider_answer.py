@@ -19,9 +19,9 @@ def slider_answer(fit: SliderFit) -> Answer:
     trials, use = len(fit.evaluated("pooled")), evaluated_use(fit)
     body, sets, one = (error_value(fit, m) for m in ("load", "dissociated", "pooled"))
     said = (
-        f"Over {trials} {use} trials, one coherent body whose friction grows with its load errs by {body} A"
-        f"{_range_text(fit, 'load')} with {len(fit['load'].values)} parameters; a set of parameters for each direction "
-        f"errs by {sets} A with {len(fit['dissociated'].values)}, and one set by {one} A."
+        f"Over {trials} {use} trials, the current error is {body} A{_range_text(fit, 'load')} for one rigid body with "
+        f"load-dependent friction ({len(fit['load'].values)} parameters), {sets} A for separate parameters in each "
+        f"direction ({len(fit['dissociated'].values)} parameters), and {one} A for one set."
     )
     reason = "no trial was held out" if not is_held else ""
     if is_held and not holds:
@@ -39,9 +39,9 @@ def slider_answer(fit: SliderFit) -> Answer:
         ),
         basis=Basis(recordings, recordings, judged=f"{trials} {use} trials"),
         next=(
-            Step("Make a controller of its card", "export", ("--controller", "transparent"))
+            Step("Export a controller", "export", ("--controller", "transparent"))
             if is_held
-            else Step('Hold trials out: give some of them `use = "validate"` in study.toml; then', "check"),
+            else Step('Hold out some trials (write `use = "validate"` in study.toml), then', "check"),
         ),
     )
 
@@ -55,7 +55,7 @@ def _range_text(fit: SliderFit, method: str) -> str:
 
 
 def error_value(fit: SliderFit, method: str) -> Value:
-    """Return the mean absolute current error of a method over the trials that judge it, as every part tells it [A]."""
+    """Return the mean absolute current error of a method over its test trials [A], as all reports show it."""
     error = float(fit.evaluated_error(method))
     return Value(f"{fit.study}.{method}.error", error, number(error, digits=3))
 

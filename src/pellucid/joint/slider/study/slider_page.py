@@ -1,6 +1,6 @@
 """The report of a joint with a carriage: two directions against one body, errors trial by trial, geometry, methods.
 
-The figure of a joint with a carriage that moves as it was recorded, beside its current, measured and predicted.
+One figure animates the recorded motion of joint and carriage, with the measured and predicted current.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ DASH_PATTERNS = ((0, ()), (0, (4, 2)))
 
 
 def moving_slider(fit: SliderFit, methods: Mapping[str, str], roles: Mapping[str, str]) -> MovingDrawing:
-    """Draw the joint along the busiest seconds of a recording, beside its current and what models predict of it.
+    """Draw the joint along the busiest seconds of a recording, with its measured and predicted current.
 
     `methods` are one or two names of methods by what they are called here, `roles` the colours' roles by the same.
     """
@@ -148,7 +148,7 @@ PARAMETER_WORDS: Mapping[str, str] = {
 """Descriptions of the parameters, by name."""
 
 TRACED_METHODS = ("dissociated", "load")
-"""Methods whose predicted current the figure of one trial draws, beside that of ``pooled``."""
+"""Methods whose predicted current the figure of one trial shows, in addition to ``pooled``."""
 
 
 def page(study: Study, result: SliderResult) -> Page:
@@ -194,9 +194,9 @@ def _found(fit: SliderFit, level: float) -> Section:
     tables.append(_parameters(fit["dissociated"], level, f"{SLIDER_METHODS['dissociated'].capitalize()}."))
     if fit.static:
         rows = tuple(Row(_cells(p, level)) for p in fit.static)
-        caption = "Held still: gravity, and the mean torque that sticking adds."
+        caption = "Static holds: gravity, and the mean torque of static friction."
         tables.append(Table(_heads(level), rows, frozenset({1, 3}), caption, True))
-    return Section("found", "What was found", (), tuple(tables))
+    return Section("found", "Identified parameters", (), tuple(tables))
 
 
 def _cells(p: Parameter, level: float) -> tuple[str, ...]:
@@ -249,23 +249,24 @@ def _directions(fit: SliderFit) -> Section:
     drawings = (
         draw(
             figures.gravity_by_direction, np.degrees(angles), torques, roles=COLOUR_ROLES,
-            caption=f"Gravity torque with the carriage at {1e3 * middle:.0f} mm. The sets for up and down each carry "
-            "their direction's friction; where they part, friction was taken for gravity.",
+            caption=f"Gravity torque with the carriage at {1e3 * middle:.0f} mm. The parameters for upward and for "
+            "downward motion include the friction of that direction; where they differ, friction was attributed to "
+            "gravity.",
         ),
         draw(
             figures.inertia_by_slider, x, inertias, roles=COLOUR_ROLES,
-            caption="Inertia about the joint's axis over the rail: of each direction's set, which nothing ties to a "
-            "body, and of one body for both.",
+            caption="Inertia about the joint's axis along the rail: for each direction separately, without a physical "
+            "constraint, and for one rigid body.",
         ),
         _friction(fit, middle, angles),
     )  # fmt: skip
     return Section(
         "directions",
-        "Two directions against one body",
+        "Separate directions and one rigid body",
         (
-            "A body has one gravity and one inertia, whichever way it moves. Where the sets of the two directions "
-            "differ, friction that grows with the load has gone into them: lifting, it adds to gravity, and lowering, "
-            "it takes from it.",
+            "A rigid body has the same gravity and inertia in both directions of motion. If the separately fitted "
+            "directions differ, they contain load-dependent friction, which adds to gravity in lifting and subtracts "
+            "from it in lowering.",
         ),
         drawings=drawings,
     )
@@ -286,8 +287,8 @@ def _friction(fit: SliderFit, middle: float, angles: np.ndarray) -> Drawing:
         curves[SHORT_METHOD_NAMES[method]] = dry + share * np.abs(load)
     return draw(
         figures.friction_by_load, load, curves, roles=COLOUR_ROLES,
-        caption=f"Friction near rest, half of what separates up from down, against the gravity that the drive carries "
-        f"({1e3 * middle:.0f} mm, {np.degrees(angles[0]):.0f} to {np.degrees(angles[-1]):.0f} deg).",
+        caption="Friction near rest (half the difference of the torques upwards and downwards) against the gravity "
+        f"torque ({1e3 * middle:.0f} mm, {np.degrees(angles[0]):.0f} to {np.degrees(angles[-1]):.0f} deg).",
     )  # fmt: skip
 
 
@@ -322,7 +323,7 @@ def _errors(fit: SliderFit) -> Section:
     return Section(
         "errors",
         "Errors by trial",
-        (f"How far each model's current is from the measured one, in {len(names)} {use} trials.",),
+        (f"Error of the predicted current in {len(names)} {use} trials, by model.",),
         (table,),
         tuple(drawings),
     )
@@ -352,9 +353,10 @@ def _geometry(fit: SliderFit) -> Section:
     if optical and np.all(np.isfinite(g.axis)):
         x, y, z = (number(float(v), 1e-4) for v in g.axis)
         paragraphs.append(
-            f"The axis points along ({x}, {y}, {z}) in the laboratory, known to {np.degrees(g.axis_se):.2g} deg; "
-            f"across it, its place is known to {1e3 * g.origin_se:.2g} mm. Markers stay within "
-            f"{1e3 * g.residual:.2g} mm rms of turning about it. These errors are the markers' noise alone."
+            f"The axis points along ({x}, {y}, {z}) in the laboratory, with a standard error of "
+            f"{np.degrees(g.axis_se):.2g} deg; its position has a standard error of {1e3 * g.origin_se:.2g} mm. The "
+            f"RMS deviation of the markers from a rotation about it is {1e3 * g.residual:.2g} mm. These errors include "
+            "marker noise only."
         )
         delays = 1e3 * np.array([p.delay for p in optical if p.aligned])
         if len(delays):
@@ -392,7 +394,7 @@ def _methods(fit: SliderFit, level: float) -> Section:
         "Method", "Parameters", f"{word} error (A)", f"{word} error (N·m)", "Error on fitted (A)", "Residual SD (N·m)",
         "Samples",
     )  # fmt: skip
-    caption = "Every way the joint was identified; errors are means over trials of the mean absolute error."
+    caption = "All identification methods; errors are mean absolute errors, averaged over trials."
     notes = [f"{SLIDER_METHODS[m]}: {note}." for m, e in fit.estimates.items() for note in e.notes]
     others = tuple(
         _parameters(fit[m], level, f"{SLIDER_METHODS[m].capitalize()}.", getattr(fit[m].model, "known", {}))

@@ -55,14 +55,14 @@ def slider_result(study: Study, fit: SliderFit) -> SliderResult:
 
 
 def axis_tables(fit: SliderFit) -> tuple[FigureTable, ...]:
-    """Return the table of where a wearer's axis lies beside the robot's, if a recording shows it."""
+    """Return the table of the offset between the wearer's and the robot's axis, if a recording shows it."""
     if not fit.axis_offsets:
         return ()
     rows: list[tuple[str | float, ...]] = []
     for name, o in fit.axis_offsets.items():
         rows.append((name, *(1e3 * x for x in (o.along, *o.interval[0], o.across, *o.interval[1]))))
     head = ("recording", "along mm", "from", "to", "across mm", "from", "to")
-    return (FigureTable("The wearer's axis beside the robot's", head, tuple(rows)),)
+    return (FigureTable("Offset of the wearer's axis from the robot's", head, tuple(rows)),)
 
 
 def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> SliderCard:
@@ -117,13 +117,13 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
             one = replace(plain, split=e.split, data_checksum=fit.checksums.get(e.recording))
             yield replace(one, id=f"{head}.error.{e.recording}", value=e.current, unit="A")
     if fit.travel is not None:
-        travel_note = f"way from rest over which friction builds up before it slips; {fit.travel.sentence()}"
+        travel_note = f"presliding displacement; {fit.travel.sentence()}"
         yield replace(plain, id=f"{fit.study}.presliding_travel", value=fit.travel.value, unit="rad", note=travel_note)
     for name, offset in fit.axis_offsets.items():
         for which, value, (low, high) in zip(
             ("along", "across"), (offset.along, offset.across), offset.interval, strict=True
         ):
-            note = f"wearer's axis from the robot's; 95 % interval {1e3 * low:.2f} to {1e3 * high:.2f} mm"
+            note = f"offset of the wearer's axis from the robot's; 95 % interval {1e3 * low:.2f} to {1e3 * high:.2f} mm"
             row = replace(plain, id=f"{fit.study}.axis_{which}.{name}", value=value, unit="m", note=note)
             yield replace(row, data_checksum=fit.checksums.get(name))
     split = {m.recording: m.split for m in fit.motions}
