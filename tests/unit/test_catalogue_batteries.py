@@ -27,7 +27,7 @@ HALF_ADDED = {
     ),
     "a fault that does not say what to do": (
         "faults", "controllers/supervisor_faults.py",
-        '"Look for a load, a collision or a changed robot; identify it again if it has changed."', '""',
+        '"Check for a load, a collision or a changed robot; identify the robot again if it has changed."', '""',
         "unexplained: has no words, or does not say what to do",
     ),
     "a defect that no study searches for": (

@@ -83,7 +83,7 @@ def test_a_fault_whose_watch_was_not_beyond_is_not_explained(monkeypatch):
     found = account("jump")
     monkeypatch.setattr(IncidentAccount, "acting", None)
     assert found.answer.verdict == "cannot say"
-    assert "no watch of this fault" in found.answer.reason
+    assert "no check of this fault" in found.answer.reason
 
 
 def plan_rows(*needed, powers=()):

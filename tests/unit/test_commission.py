@@ -82,7 +82,7 @@ def test_another_controllers_log_tells_no_answer_of_the_probe():
     robot = replace(draw_robot(0, 3), rotor_share=0.0)
     told = answers(law(), [play_start(robot, 0, k, 3) for k in range(3)])
     assert (told.start_up, told.probe) == (None, None)
-    assert any("not those of the exported controller" in note for note in told.notes)
+    assert any("differ from those of the exported controller" in note for note in told.notes)
 
 
 def test_logs_are_cut_into_starts(tmp_path):

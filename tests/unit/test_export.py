@@ -134,8 +134,8 @@ def test_a_probe_is_exported_and_answers_as_recorded(study):
     assert run.returncode == 0, run.stderr
     assert run.stdout.splitlines()[-1] == "wrong 0"
     words = (folder / "README.md").read_text(encoding="utf-8").split()
-    assert "waves of effort of 42, 75 and 108 Hz" in " ".join(words)
-    assert "takes what they answer in the first movement after each start for right" in " ".join(words)
+    assert "waves of effort at 42, 75 and 108 Hz" in " ".join(words)
+    assert "responses in the first movement after each start are the reference" in " ".join(words)
 
 
 def test_a_probes_answer_at_commissioning_is_exported(study, unplayed):
@@ -148,7 +148,7 @@ def test_a_probes_answer_at_commissioning_is_exported(study, unplayed):
     assert numbers["probe_answer_error"] == pytest.approx(PROBE_ANSWER_ERROR)
     readme = " ".join((folder / "README.md").read_text(encoding="utf-8").split())
     assert "| answer to the probe at commissioning | stated | from study.toml |" in readme
-    assert "those that you state as probe_answer" in readme
+    assert "compares the responses with probe_answer" in readme
     assert "first movement after each start" not in readme
 
 
@@ -173,8 +173,8 @@ def test_an_export_that_cannot_see_its_drive_asks_it(study, unplayed):
     """By a probe, unless somebody says twice that it shall not; each fault that is then not found is named."""
     folder = pellucid.export(study)
     assert read_constants(folder)["probe_effort"] > 0.0
-    assert "so it is asked by a probe" in warn_of_export(folder)
-    said = r"neither measured nor asked .* --unmeasured .* polarity is reversed: found"
+    assert "the supervisor tests it with a probe" in warn_of_export(folder)
+    said = r"neither measured nor probed, .* --unmeasured .* reversed polarity: detected"
     with pytest.raises(PellucidError, match=said):
         pellucid.export(study, probe=False)
     blind = pellucid.export(study, probe=False, unmeasured=True, overwrite=True)
@@ -457,7 +457,7 @@ def test_a_joint_with_a_carriage_says_where_it_is(study):
         joint_values(study, slider=0.4)
     two = replace(card, family="dissociated", parameters=tuple(parameter(f"p{i}", 0.1) for i in range(16)))
     write_card(study.models_dir / "slider.dissociated.json", two)
-    with pytest.raises(PellucidError, match="which is no body"):
+    with pytest.raises(PellucidError, match="do not describe a rigid body"):
         joint_values(study, card="slider.dissociated.json")
 
 

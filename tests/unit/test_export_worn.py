@@ -73,7 +73,7 @@ def test_numbers_are_the_wearers_and_say_where_they_come_from(study):
     assert n["effort_limit"] == 8.0
     assert n["position_min"] == pytest.approx(np.radians(-5))
     assert "identified, 12.6 to 15.4" in values.remarks["strap_stiffness"]
-    assert any("names no stops" in note for note in values.notes)
+    assert any("states no stops" in note for note in values.notes)
     assert worn_values(study, participant="S2").numbers["strap_stiffness"] == 24.0
 
 

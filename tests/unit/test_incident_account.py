@@ -64,10 +64,10 @@ def test_the_watch_that_acted_is_named(kind, fault, watch):
     assert f'"{fault}"' in str(found)
     if watch:
         assert found.acting.share >= 1.0
-        assert f'The watch "{watch}" acted' in str(found)
+        assert f'The check "{watch}" (' in str(found)
         assert found.acting.name in {one.name for one in found.watches}
     else:
-        assert "one period shows it" in str(found)
+        assert "in a single period" in str(found)
 
 
 def test_what_the_law_asked_for_is_told_with_its_power():
@@ -76,9 +76,9 @@ def test_what_the_law_asked_for_is_told_with_its_power():
     speed = (record.samples["position"][stop - 1] - record.samples["position"][stop - 2]) / PERIOD
     assert found.effort_before == record.effort[stop - 1]
     assert found.power_before == pytest.approx(found.effort_before * speed, rel=1e-2)
-    assert f"asked for {found.effort_before:.2f} N·m, which gave {found.power_before:.1f} W to the joint" in str(found)
+    assert f"commanded {found.effort_before:.2f} N·m, which gave {found.power_before:.1f} W to the joint" in str(found)
     assert found.seconds_until_powerless == 0.0
-    assert "in the period in which the fault was found" in str(found)
+    assert "in the period in which the fault was detected" in str(found)
 
 
 def test_a_damped_stop_that_outlasts_the_record_is_told():

@@ -195,9 +195,9 @@ def test_what_cannot_be_told_is_said_with_its_reason(joints, recordings):
 @pytest.mark.parametrize(
     ("why", "payload", "begins"),
     [
-        ("no known load", 0.0, "Without a known load, motoring and generating"),
-        ("no known load", 1.0, "Only held-out recordings carry a known load, so that motoring"),
-        ("unknown drive", 1.0, "The drive's constant is not stated. Even with known payloads, motoring"),
+        ("no known load", 0.0, "Without a known load, load friction while motoring"),
+        ("no known load", 1.0, "Only held-out recordings carry a known load, so that load friction"),
+        ("unknown drive", 1.0, "The drive's constant is not stated. Even with known payloads, load friction"),
         ("same payload", 1.0, "All fitted recordings carry the same known load, so that load friction"),
         ("small payload", 1.0, "The known payloads change the load too little, so that load friction"),
     ],

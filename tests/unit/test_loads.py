@@ -66,7 +66,7 @@ def test_support_is_the_weight_alone_and_no_part_of_the_robot():
 
 
 def test_what_cannot_carry_a_load_says_so():
-    with pytest.raises(PellucidError, match="found no body whose weight it carries, expected one for a load"):
+    with pytest.raises(PellucidError, match="found a law without gravity compensation, expected one for a load"):
         with_load(position_control(POOLED, PLACE), KILOGRAM_LOAD)
     with pytest.raises(PellucidError, match="expected one for support"):
         with_support(ELBOW_CONTROLLERS["zero_impedance"].build(COHERENT, PLACE), LIMB)
@@ -89,7 +89,7 @@ def test_a_controller_says_whether_it_carries_a_load(name):
     if controller.carries_load:
         assert controller.build(card, PLACE, load=KILOGRAM_LOAD, **settings).load == KILOGRAM_LOAD
     else:
-        with pytest.raises(PellucidError, match="found no body whose weight it carries"):
+        with pytest.raises(PellucidError, match="found a law without gravity compensation"):
             controller.build(card, PLACE, load=KILOGRAM_LOAD, **settings)
 
 
@@ -130,10 +130,10 @@ def test_an_exported_law_carries_the_load_and_tells_of_it(study):  # noqa: F811
     values = elbow_values(study, "force_sensor", load=(1.0, 0.3), held=(0.5, 0.3))
     more = values.numbers["gravity_sine"] - plain.numbers["gravity_sine"]
     assert more == pytest.approx(1.5 * 0.3 * GRAVITY)
-    assert "of it of loads" in values.remarks["gravity_sine"]
+    assert "of it from loads" in values.remarks["gravity_sine"]
     notes = " ".join(values.notes)
     assert "a load of 1 kg at 0.3 m that is fastened to the robot" in notes
-    assert "No sensor of the robot tells that this weight is gone" in notes
+    assert "No sensor of the robot detects that this weight is gone" in notes
     was, now = plain.supervised.supervision["body_gravity_sine"], values.supervised.supervision["body_gravity_sine"]
     assert now - was == pytest.approx(0.3 * GRAVITY)
     with pytest.raises(PellucidError, match=r"found a load of -1 kg at 0\.3 m, expected both above 0"):

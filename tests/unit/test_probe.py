@@ -103,7 +103,7 @@ def test_not_above_a_share_of_the_limit():
     assert probed(law(effort_limit=2.0 * limit)).supervision["probe_effort"] == pytest.approx(
         PROBE_ACCELERATION * INERTIA
     )
-    with pytest.raises(PellucidError, match=r"probe: found a wave of .* expected at most 0.15 of the effort limit"):
+    with pytest.raises(PellucidError, match=r"probe: found that .* need a wave of .* 0.15 of the effort limit"):
         probed(law(effort_limit=0.332 * limit), encoder_resolution=1e-5)
     with pytest.raises(PellucidError, match=r"that inertia and encoder need"):
         probed(law(), encoder_resolution=1e-2)

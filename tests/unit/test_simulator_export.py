@@ -136,7 +136,7 @@ def test_what_no_simulator_takes_is_refused(rng):
     with pytest.raises(PellucidError, match=r"found an effort in A, expected one in N\*m: a simulator needs"):
         joint_simulator_model(replace(card, effort_unit="A"), JointLimits())
     tree = tree_card(rng, 2, load=False)
-    with pytest.raises(PellucidError, match="found inertias that no bodies have"):
+    with pytest.raises(PellucidError, match="found physically inconsistent inertias"):
         tree_simulator_model(replace(tree, consistent=False))
     motors = ((0.0,) * 11,) * 2
     with pytest.raises(PellucidError, match="found motors that turn with several joints"):
@@ -164,5 +164,5 @@ def test_the_command_writes_a_folder_of_its_own(tmp_path):
         pellucid.export(study, "mjcf", slider=0.1)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "model.xml").write_text("mine")
-    with pytest.raises(PellucidError, match=r"found model\.xml, without a word of Pellucid's"):
+    with pytest.raises(PellucidError, match=r"found model\.xml, which an export of Pellucid did not write"):
         pellucid.export(study, "mjcf", tmp_path / "other")

@@ -598,7 +598,7 @@ def test_limits_of_each_joint(robot):
         tree_laws.reach_of(silent)
     floating = tree_laws.reach_of(robot)
     weightless = replace(floating, weight=0.0 * floating.weight, friction=0.0 * floating.friction)
-    with pytest.raises(PellucidError, match="found neither weight nor friction"):
+    with pytest.raises(PellucidError, match="found neither gravity nor friction"):
         tree_laws.suggested_limits(robot, weightless)
 
 

@@ -231,7 +231,7 @@ def _solved(rows: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
 
 
 def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
-    """Return the answers of a robot's start-up test and probe, by playing its starts through its law again.
+    """Return the responses to a robot's start-up test and probe, by replaying its starts through its control law.
 
     The probe's answer is told of starts whose efforts are those that the law asks for on their positions, and the work
     of the test of those whose wave is the law's.
@@ -264,7 +264,8 @@ def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
         half = round(law.supervision["test_samples"])
         peak = float(np.abs(start.effort[int(first[0]) :][:half]).max()) if first.size else 0.0
         if wave > 0.0 and abs(peak - wave) > MAX_WAVE_DIFFERENCE * wave:
-            notes[f"the wave of a start has {peak:.3g}, the exported controller's {wave:.3g}: no work is told"] = None
+            said = f"the wave of a start has an amplitude of {peak:.3g}, that of the exported controller {wave:.3g}"
+            notes[f"{said}: the response of the start-up test was not computed"] = None
         elif work is not None:
             works.append(work)
         answer, count = running.probe_answer
@@ -272,14 +273,14 @@ def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
             probed.append(answer)
             windows.append(count)
         elif not is_own:
-            notes["efforts are not those of the exported controller: no answer of the probe"] = None
+            notes["efforts differ from those of the exported controller: the probe's response was not computed"] = None
     probe = None
     if sum(windows) >= MIN_PROBE_WINDOWS:
         probe = tuple(map(float, np.average(probed, axis=0, weights=windows)))
     mean = float(np.mean(works)) if works and law.supervision["test_effort"] > 0.0 else None
     spread = float(np.std(works, ddof=1)) if len(works) > 1 else 0.0
     if probe is None and law.supervision["probe_effort"] > 0.0:
-        notes["too little motion with the law running to tell the probe's answers"] = None
+        notes["too little motion while the controller was running to compute the probe's response"] = None
     return Answers(mean, spread, probe, int(sum(windows)), len(works), tuple(notes))
 
 

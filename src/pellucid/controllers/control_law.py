@@ -200,7 +200,7 @@ class ControlLaw:
         return replace(self, uses=self.uses | set(sensors))
 
     def start(self, *, single: bool = False) -> _core.Law:
-        """One more of it at rest, to be stepped by itself; `single` in float32, as on a microcontroller."""
+        """Return another instance at rest, to be stepped separately; `single` in float32, as on a microcontroller."""
         return _core.law(self.kind, self.parameters, single)
 
     @cached_property
@@ -208,7 +208,7 @@ class ControlLaw:
         return self.start()
 
     def step(self, time: float, *samples: float | None) -> float:
-        """One control period.
+        """Run one control period.
 
         Parameters
         ----------

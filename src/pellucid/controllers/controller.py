@@ -1,6 +1,6 @@
-"""Every controller by name: what an identification found, made into a control law that runs.
+"""Every controller by name, which makes an identified model into a control law that runs.
 
-How much of its inertia a law with encoders alone may compensate on a robot of several joints.
+Largest share of inertia that a control law with encoders alone may compensate on a robot of several joints.
 
 The share is fed forward from an acceleration that encoders give, late. A robot that seems lighter is pulled by its
 cuffs more quickly, and the loop rings. About drawn postures the loop is linear (`tree_stability`). It must stay stable
@@ -61,7 +61,7 @@ def _compensation(found: object, **settings: Any) -> ControlLaw:
 
 
 CONTROLLER_BUILDERS: Mapping[str, NamedController] = {
-    "compensation": NamedController("a joint's gravity and friction carried", _compensation),
+    "compensation": NamedController("compensation of a joint's gravity and friction", _compensation),
     **{name: NamedController(one.title, partial(_of_elbow, name)) for name, one in ELBOW_CONTROLLERS.items()},
 }
 """By name."""
@@ -92,7 +92,7 @@ def controller(
     limits: Limits | None = None,
     **settings: object,
 ) -> ControlLaw:
-    """A controller of what was found: the same law that virtual people wear and that `export` writes, stepped here.
+    """Return a controller of an identified model: the control law of simulations and of `export`, stepped in Python.
 
     Parameters
     ----------
@@ -236,8 +236,8 @@ def require_inertia_margin(card: TreeCard, width: np.ndarray, *, share: float, *
     if found.factor < MIN_INERTIA_MARGIN:
         least = supported_inertia_share(card, width, most=share, **settings)
         raise PellucidError(
-            f"{found.joint}: found an inertia_share of {share:g} that may grow by a factor of {found.factor:.2g} "
-            f"before the loop rings, expected {MIN_INERTIA_MARGIN:g}: take {least:g} or less, or a force sensor"
+            f"{found.joint}: found an inertia_share of {share:g} with a gain margin of {found.factor:.2g} before the "
+            f"loop becomes unstable, expected {MIN_INERTIA_MARGIN:g}: use {least:g} or less, or a force sensor"
         )
 
 

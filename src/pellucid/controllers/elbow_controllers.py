@@ -1,8 +1,8 @@
-"""Controllers of a worn elbow robot by name: what each is, the card that it needs, and what makes it of that card.
+"""Controllers of a worn elbow robot by name: description, required model card, and builder.
 
-What virtual people wear, what is exported and what is fuzzed under a name is the same law with the same gains.
-`ElbowController.build` decides them for all: gains that ring behind a soft transmission are lowered unless the robot's
-lowest resonance is stated and high enough.
+Simulation, export and fuzzing use the same control law with the same gains under a name, which `ElbowController.build`
+sets: gains that are unstable with a compliant transmission are reduced unless the robot's lowest resonance is stated
+and high enough.
 """
 
 from __future__ import annotations
@@ -184,36 +184,37 @@ ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
         "one coherent body compensated but for its friction: PCFr corrected", "load",
         transparent_and(friction_share=0.0),
     ),
-    "transparent": ElbowController("one coherent body compensated: FC corrected", "load", transparent),
+    "transparent": ElbowController("compensation of one rigid body: FC corrected", "load", transparent),
     "emg": ElbowController(
-        "one coherent body compensated, led by EMG", "load", transparent_and(emg_share=0.5), wearer=True
+        "compensation of one rigid body, led by EMG", "load", transparent_and(emg_share=0.5), wearer=True
     ),
     "oscillator": ElbowController(
         "one coherent body compensated, led by an oscillator where motion is periodic", "load",
         transparent_and(with_oscillator),
     ),
     "dithered": ElbowController(
-        "one coherent body compensated, kept from sticking by dither of its motor", "load",
+        "compensation of one rigid body, with motor dither against sticking", "load",
         dithered,
     ),
     "force_sensor": ElbowController(
-        "one coherent body compensated, and the measured interaction torque driven to zero", "load",
+        "compensation of one rigid body, and control of the measured interaction torque to zero", "load",
         transparent_and(DEFAULT_FORCE_SENSOR, **SENSED_BODY),
     ),
     "disturbance_observer": ElbowController(
-        "one coherent body compensated, and what resists beyond it as a force sensor shows", "load",
+        "compensation of one rigid body, and of further resistance observed with a force sensor", "load",
         transparent_and(DEFAULT_OBSERVER, **SENSED_BODY),
     ),
     "zero_impedance": ElbowController(
-        "the measured interaction torque driven to zero, no more", "load", zero_impedance, carries_load=False
+        "control of the measured interaction torque to zero, without a model", "load", zero_impedance,
+        carries_load=False,
     ),
     "residual": ElbowController(
-        "the measured interaction torque driven to zero, and the body carried as EMG foresees it", "load",
+        "control of the measured interaction torque to zero, and compensation predicted from EMG", "load",
         transparent_and(DEFAULT_FORCE_SENSOR, emg_share=0.5, **SENSED_BODY), wearer=True,
     ),
     "support": ElbowController(
-        "one coherent body compensated, and a share of the weight of forearm and hand carried", "load", supporting,
-        wearer=True, assists=True,
+        "compensation of one rigid body, and support of a share of the weight of forearm and hand", "load",
+        supporting, wearer=True, assists=True,
     ),
     "amplification": ElbowController("the wearer's torque amplified", "load", sensitivity_amplification),
 }  # fmt: skip

@@ -2,9 +2,9 @@
 
 Here are those of a published comparison [1]_: the constructor's position control (`position_control`), and open-loop
 compensation with one set of parameters for each direction, with friction (`full_compensation`) and without
-(`partial_compensation`). Their corrected forms, and what goes beyond them, are in `transparent_laws`.
+(`partial_compensation`). Their corrected forms and extensions are in `transparent_laws`.
 
-Of the published position control only the elbow is here: the shoulder, which it could not lock, is not modelled.
+The published position control is implemented for the elbow only, because the shoulder is not modelled.
 
 .. [1] D. Verdel, S. Bastide, N. Vignais, O. Bruneau, B. Berret, "An identification-based method improving the
    transparency of a robotic upper limb exoskeleton", Robotica 39, 2021, section 4.2.

@@ -1,4 +1,4 @@
-"""Read the record of an incident: what was read, asked for and watched before and after the supervisor stopped.
+"""Read the record of an incident: measurements, commands and supervisor checks before and after a stop.
 
 The file is little-endian words of 32 bits, as include/pellucid/incident_recorder.hpp writes them: 32 words of head,
 text with the names of everything, the supervisor's numbers, the records, and a checksum of all words before it.

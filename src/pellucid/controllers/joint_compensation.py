@@ -74,8 +74,8 @@ def _body_of(card: Card, slider: float | None, taken: Callable[[CardParameter], 
         model = card.model()
         if not isinstance(model, SliderJointModel):
             raise PellucidError(
-                f"card {card.family}: found one set of parameters for each direction, which is no body; "
-                "expected slider.consistent.json or slider.load.json"
+                f"card {card.family}: found separate parameters for each direction, which do not describe a rigid "
+                "body; expected slider.consistent.json or slider.load.json"
             )
         vector = model.vector(np.array([taken(p) for p in card.parameters]), place_on_rail(card, slider), 1.0)
         body = dict(zip(NAMES, map(float, vector), strict=True))

@@ -86,9 +86,9 @@ four in spasms; of 179 drives stuck at 5 N m one gave more than 5 J, 5.2 J."""
 
 
 MAX_UNHEARD_ENERGY_J = 4.0
-"""Energy that a drive with three times the gain may add while it is not heard, before the law's effort is 0 [J].
+"""Energy that a drive with three times the gain may add before it is detected and the law's effort is 0 [J].
 
-Until the power is off it adds some more; what a wearer gets is to stay below 5 J."""
+It adds more until the power is off; the energy delivered to the wearer should stay below 5 J."""
 
 
 PROBE_ANSWER_ERROR = 0.1
@@ -160,8 +160,8 @@ def probe_numbers(
     needed = wanted * max(math.sqrt(MIN_PROBE_SIGNAL_TO_NOISE / signal), MIN_PROBE_ACCELERATION / PROBE_ACCELERATION)
     if needed > largest:
         raise PellucidError(
-            f"probe: found a wave of {PROBE_CREST * needed:.3g} (SI) that inertia and encoder need, expected at most "
-            f"{MAX_PROBE_SHARE:g} of the effort limit, {MAX_PROBE_SHARE * limit:.3g}"
+            f"probe: found that inertia and encoder need a wave of {PROBE_CREST * needed:.3g} (SI), expected at most "
+            f"{MAX_PROBE_SHARE * limit:.3g}, {MAX_PROBE_SHARE:g} of the effort limit"
         )
     amplitude = max(needed, min(wanted, largest))
     samples = probe_samples(period)
@@ -188,7 +188,7 @@ MAX_GRIP_DECELERATION = 500.0
 """Largest deceleration of a joint that somebody grips [rad/s^2 or m/s^2]."""
 
 RATE_WINDOW_S = 0.25
-"""Time over which the mean interval of the control task is judged: one that is half as fast is found in 0.45 s."""
+"""Time over which the mean interval of the control task is checked: half the rate is detected within 0.45 s."""
 
 RATE_TOLERANCE = 0.2
 """Largest relative difference of that mean from the period [1]."""
@@ -281,17 +281,17 @@ DRIVE_FORGET_S = 10.0
 """Time constant with which the energy that a drive gave beyond its command is forgotten."""
 
 DRIVE_DELAY_S = 0.012
-"""Largest delay of a drive's answer to its command, beside a period [s]: half of a fault of 20 ms and more, and six
-times the lag of a slow measurement."""
+"""Largest delay of a drive's response to its command, in addition to a period [s]: half of a fault of 20 ms or more,
+and six times the lag of a slow measurement."""
 
 DRIVE_DELAY_RATE_SHARE = 0.08
-"""Standard deviation of the command's rate from which on that delay is judged, as a share of the limit of effort [1/s].
+"""Smallest standard deviation of the command's rate to check that delay, as a share of the limit of effort [1/s].
 
 Noise of a hundredth of the limit, read every 2 ms, then leaves a standard error of 2.5 ms."""
 
 DRIVE_DELAY_SMOOTHING = 20.0
-"""Bandwidth of the command that a delay is judged by [rad/s]: a delay of 20 ms is four tenths of a radian there. At 60
-rad/s it seems shorter, and was found in one of 16 runs."""
+"""Bandwidth of the command used to check a delay [rad/s]: a delay of 20 ms is 0.4 rad there. At 60 rad/s the estimated
+delay is too short, and the fault was detected in one of 16 runs."""
 
 DRIVE_DELAY_FORGET = 0.4
 """Rate at which what was seen of a drive's delay is forgotten [1/s]."""
@@ -355,7 +355,7 @@ The joint reverses four times a second: 4/s (1/20 - 1/100) s, and a third more f
 """
 
 SHAKING_SPEED_SHARE = 0.0138
-"""Largest mean speed to and fro, as a share of the velocity limit [1].
+"""Largest mean speed of an oscillation, as a share of the velocity limit [1].
 
 On foreign plants of 20261105 one of 84 healthy lives of wearers who reach and rest came beyond it (0.016), the next to
 0.0140; a sine of 5 N m at 2.5 Hz that a drive added was found in all of 84 runs, after 5.4 J at most. Wearers who go to
@@ -389,7 +389,7 @@ SUPERVISOR_NAMES: tuple[str, ...] = tuple(field.name for field in model_fields("
 
 @dataclass(frozen=True)
 class SupervisedLaw:
-    """A law with a supervisor; what `supervised` gives, virtual people wear and `export` writes.
+    """A control law with a supervisor, as `supervised` returns and as simulations and `export` use.
 
     Attributes
     ----------
@@ -492,7 +492,7 @@ class SupervisedLaw:
         joint: float | None = None,
         token: int = 0,
     ) -> float:
-        """One control period.
+        """Run one control period.
 
         Parameters
         ----------

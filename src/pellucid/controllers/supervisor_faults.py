@@ -1,7 +1,7 @@
-"""Catalogue of the supervisor's faults: when each is found, what the supervisor then does, and what to do about it.
+"""Catalogue of the supervisor's faults: condition, response of the supervisor, and advice.
 
-The core's ``sample.hpp`` has their names and their order. Exported controllers, and whoever reads a log, take their
-words from here. Faults of a drive without a measurement, which are often not found, are listed at the end.
+The core's ``sample.hpp`` defines their names and order. Exported controllers and log reports take their texts from
+here. The end of the catalogue lists detection rates of drive faults without a measurement of the drive.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ FAULT_NAMES: tuple[str, ...] = tuple(_core.FAULTS)
 """Names of all faults, in the order of the core's codes."""
 
 NO_FAULT: str = _core.FAULTS[0]
-"""Name that stands where nothing was found."""
+"""Name that stands for no fault."""
 
 _POWER_OFF = "power off"
 _DAMPED_STOP = "damped stop"
 _CHECK_WIRING = "Check plug, cable and supply of the sensor; then reset."
-_CHECK_CLOCK = "Check the clock that stamps samples, and the rate of the task; then reset."
-_CHECK_ENCODER = "Check that the encoder is mounted firmly and its offset is right; then test at start-up again."
+_CHECK_CLOCK = "Check the clock of the sample times and the rate of the control task; then reset."
+_CHECK_ENCODER = "Check that the encoder is mounted firmly and its offset is right; then repeat the start-up test."
 _CHECK_DRIVE = "Check leads, gain and current sensor of the drive without a wearer before it is worn again."
 
 
 @dataclass(frozen=True)
 class SupervisorFault:
-    """Faults of the supervisor that are found and answered alike."""
+    """Faults of the supervisor with the same condition and response."""
 
     names: tuple[str, ...]  # names of the core, in the order of tables
-    when: str  # condition under which one is found; ``{sample}`` and ``{max_repeats}`` stand for those of a law
-    response: str  # what the supervisor then does
-    advice: str  # what to do before the robot is worn again
+    when: str  # condition of detection; ``{sample}`` and ``{max_repeats}`` stand for those of a control law
+    response: str  # response of the supervisor
+    advice: str  # advice to follow before the robot is worn again
 
     def when_of_law(self, sensors: int, max_repeats: float) -> str:
-        """Return the condition for a law with this number of sensors, which accepts a sample so many times."""
+        """Return the condition for a law with this number of sensors, which accepts `max_repeats` repeated samples."""
         sample = "a required sample is" if sensors > 1 else "the sample is"
         return self.when.format(sample=sample, max_repeats=f"{max_repeats:g}")
 
@@ -44,101 +44,101 @@ SUPERVISOR_FAULTS: tuple[SupervisorFault, ...] = (
     SupervisorFault(("not_finite",), "{sample} NaN, infinite or not valid", _POWER_OFF, _CHECK_WIRING),
     SupervisorFault(
         ("stale",),
-        "one is older than `max_age`, came after a longer gap, or was seen more than {max_repeats} times again",
+        "no new sample within `max_age`, or the same sample was repeated more than {max_repeats} times",
         _POWER_OFF,
-        "Check that the sensor is read once a period and the task is never late; then reset.",
+        "Check that the sensor is read once per period and the control task meets its deadline; then reset.",
     ),
     SupervisorFault(
-        ("out_of_order",), "a number or a time went backwards, or lies in the future", _POWER_OFF, _CHECK_CLOCK
+        ("out_of_order",), "a sample number or time decreased, or a time is in the future", _POWER_OFF, _CHECK_CLOCK
     ),
     SupervisorFault(
-        ("rate",), "the mean interval of the task is off the period by more than a fifth", _POWER_OFF, _CHECK_CLOCK
+        ("rate",), "the mean interval of the task differs from the period by more than 20 %", _POWER_OFF, _CHECK_CLOCK
     ),
     SupervisorFault(
         ("overspeed", "velocity"),
-        "raw differences, or the law's estimate, are beyond the limit",
+        "the velocity from raw positions, or the estimate of the control law, exceeds the limit",
         _DAMPED_STOP,
-        "Look in the log at the motion before; reset when the cause is known.",
+        "Check the motion before the stop in the log; reset when the cause is known.",
     ),
     SupervisorFault(
         ("jump", "range", "frozen", "disagreement"),
-        "the encoder went where no motion leads, is beyond the stops, stopped dead, does not answer a wave at rest, or "
-        "differs from the second",
+        "the encoder jumped further than the joint can move, is beyond the stops, stopped changing, does not respond "
+        "to a test wave at rest, or differs from the second encoder",
         _POWER_OFF,
         _CHECK_ENCODER,
     ),
     SupervisorFault(
         ("force_sensor", "muscle", "lost"),
-        "the sensor is beyond its range or silent; or it contradicts model and motion",
-        "goes on without it where it can; damped stop",
+        "the sensor is out of range or missing, or contradicts model and motion",
+        "continues without the sensor if possible; otherwise damped stop",
         "Check zero, sign and cable of the force sensor, or the electrodes and their channels; then reset.",
     ),
     SupervisorFault(
         ("drive_effort", "drive_sign", "drive_stuck", "drive_silent"),
-        "the drive's own measurement is not what it was asked for",
+        "the effort measured by the drive differs from the command",
         _POWER_OFF,
         _CHECK_DRIVE,
     ),
     SupervisorFault(
         ("unexplained",),
-        "model and command do not explain the motion, nor can a wearer",
+        "neither model and command nor a wearer can explain the motion",
         _POWER_OFF,
-        "Look for a load, a collision or a changed robot; identify it again if it has changed.",
+        "Check for a load, a collision or a changed robot; identify the robot again if it has changed.",
     ),
     SupervisorFault(
         ("power", "energy"),
-        "the whole command gives more than its budget",
+        "the command delivers more power or energy to the joint than its limit",
         _DAMPED_STOP,
-        "Look in the log at the motion before; let the law carry less if it happens again.",
+        "Check the motion before the stop in the log; reduce the compensation if it happens again.",
     ),
     SupervisorFault(
         ("polarity", "gain"),
-        "the wave of effort at start-up, or the probe's, moved the joint the wrong way, or too far",
+        "the start-up test or the probe moved the joint in the wrong direction, or too far",
         _POWER_OFF,
         _CHECK_DRIVE,
     ),
     SupervisorFault(
         ("unanswered", "late_answer"),
-        "the moving joint does not answer the probe's small wave of effort, or answers it too late",
+        "the moving joint does not respond to the small waves of the probe, or responds too late",
         _POWER_OFF,
-        "Check that drive and encoder are alive, and that no task is late, without a wearer before it is worn again.",
+        "Without a wearer, check that drive and encoder work and that the control task meets its deadline.",
     ),
     SupervisorFault(
         ("integrity",),
-        "numbers in memory are not those that were configured",
+        "parameters in memory differ from the configured ones",
         _POWER_OFF,
-        "Switch off and on again; look for writes beyond an array if it happens again.",
+        "Switch off and on again; if it happens again, look for writes beyond an array.",
     ),
     SupervisorFault(
         ("push",),
-        "beyond weight and friction the effort is larger than its limit",
+        "the effort beyond gravity and friction exceeds its limit",
         _DAMPED_STOP,
-        "Look in the log at the motion before; let the law carry less if it happens again.",
+        "Check the motion before the stop in the log; reduce the compensation if it happens again.",
     ),
     SupervisorFault(
         ("ringing",),
         "the effort oscillates faster than a person moves",
         _POWER_OFF,
-        "Lower the gains of the law, or measure the delay of the loop; then reset.",
+        "Reduce the gains of the controller, or measure the delay of the loop; then reset.",
     ),
     SupervisorFault(
         ("shaking",),
-        "the joint oscillates for seconds, faster than a person reaches",
+        "sustained oscillation: the joint oscillates for seconds, faster than in reaching movements",
         _POWER_OFF,
-        "Ask the wearer whether they shook the robot; if not, check the drive before it is worn again.",
+        "Ask whether the wearer shook the robot; if not, check the drive before it is worn again.",
     ),
     SupervisorFault(
         ("unexplained_energy",),
         "the joint gains energy that neither the command nor the force sensor explains",
         _POWER_OFF,
-        "Ask whether somebody pushed the robot outside its force sensor; if not, check drive and force sensor.",
+        "Ask whether somebody pushed the robot elsewhere than at its force sensor; if not, check drive and sensor.",
     ),
     SupervisorFault(
-        ("stopped",), "you called `pellucid_stop`", _DAMPED_STOP, "Reset when the reason for which you stopped is gone."
+        ("stopped",), "the program called `pellucid_stop`", _DAMPED_STOP, "Reset when the reason for the stop is gone."
     ),
     SupervisorFault(
         ("configuration", "not_started"),
-        "`pellucid_init` refused, or was not called",
+        "`pellucid_init` rejected the configuration, or was not called",
         _POWER_OFF,
         "Call `pellucid_init` once at power-on, with numbers that `pellucid export` wrote.",
     ),
@@ -152,41 +152,43 @@ SUPERVISOR_FAULTS_BY_NAME: Mapping[str, SupervisorFault] = {
 # Fifteen laws, as `pellucid export` wrote them, worn on twenty foreign plants (`evidence._exported`, seed
 # 20290601), without a measurement of the drive. Runs lasted ten seconds after the onset of the fault.
 UNMEASURED_FAULTS = (
-    "its polarity is reversed: found in 80 of 300, up to 14.6 J",
-    "it gives three times the effort: found in 63 of 300, up to 34.6 J",
-    "it is stuck at an effort: found in 91 of 300, up to 27.8 J",
-    "it gives no effort: found in 60 of 300, up to 5.9 J",
+    "reversed polarity: detected in 80 of 300 runs, up to 14.6 J",
+    "three times the effort: detected in 63 of 300 runs, up to 34.6 J",
+    "effort stuck at a value: detected in 91 of 300 runs, up to 27.8 J",
+    "no effort: detected in 60 of 300 runs, up to 5.9 J",
 )
-"""Faults of a drive that does not measure its effort, in how many runs each was found, and the excess work on the limb
-in the worst run."""
+"""Faults of a drive without a measurement of its effort, their detection rates, and the largest excess energy delivered
+to the limb."""
 
 PROBED_FAULTS = (
-    "its polarity is reversed: 278 of 278, up to 2.4 J",
-    "it gives three times the effort: 277 of 277, up to 2.7 J",
-    "it is stuck at an effort: 276 of 276, up to 6.9 J",
-    "it gives no effort: 276 of 276, up to 1.0 J",
+    "reversed polarity: detected in 278 of 278 runs, up to 2.4 J",
+    "three times the effort: detected in 277 of 277 runs, up to 2.7 J",
+    "effort stuck at a value: detected in 276 of 276 runs, up to 6.9 J",
+    "no effort: detected in 276 of 276 runs, up to 1.0 J",
 )
-"""The same where the supervisor probes and was commissioned."""
+"""Detection rates and largest excess energy of the same faults if the supervisor probes and was commissioned."""
 
 MEASURED_FAULTS_FOUND_S = 1.61
-"""Time in which all of these were found with a measurement of the drive [s]."""
+"""Largest time to detection of these faults with a measurement of the drive [s]."""
 
 MEASURED_FAULTS_ENERGY_J = 0.07
-"""Largest excess work on the limb of all of these with a measurement of the drive [J]."""
+"""Largest excess energy of these faults with a measurement of the drive [J]."""
 
 
 def warn_of_unmeasured_drive(probes: bool) -> str:
-    """Return what is then not found and what that costs, for a supervisor that probes or one that does not."""
+    """Return the limits of fault detection without a drive measurement, with a probe or without one."""
     measured = (
-        f"With a measurement it detected all of them within {MEASURED_FAULTS_FOUND_S:g} s, at most "
-        f"{MEASURED_FAULTS_ENERGY_J:g} J. Add [rig.instruments.drive_sensor] to study.toml and export again."
+        f"With a drive measurement, all were detected within {MEASURED_FAULTS_FOUND_S:g} s (at most "
+        f"{MEASURED_FAULTS_ENERGY_J:g} J): add [rig.instruments.drive_sensor] and export again."
     )
     if probes:
         return (
-            "The drive reports no measured torque or current, so the supervisor asks it by a probe that the wearer may "
-            f"feel. On simulated wearers it then detected these faults ({'; '.join(PROBED_FAULTS)}). {measured}"
+            "The drive reports no measured torque or current, so that the supervisor tests it with a probe, which the "
+            "wearer may feel. Detection of drive faults in simulation, with the largest excess energy delivered to the "
+            f"wearer: {'; '.join(PROBED_FAULTS)}. {measured}"
         )
     return (
-        "Limited fault detection: the drive reports no measured torque or current. On simulated wearers the supervisor "
-        f"missed many faults of such a drive ({'; '.join(UNMEASURED_FAULTS)}). {measured}"
+        "Limited fault detection: the drive reports no measured torque or current. In simulation, the supervisor "
+        "missed many drive faults. Detection rates, with the largest excess energy delivered to the wearer: "
+        f"{'; '.join(UNMEASURED_FAULTS)}. {measured}"
     )

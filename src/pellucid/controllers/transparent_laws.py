@@ -203,16 +203,15 @@ def known_travel(card: SliderCard) -> float:
     measured = card.presliding_travel
     if measured is None:
         raise PellucidError(
-            f"card {card.family}: found no presliding_travel, expected one for dither: it hangs on the way over which "
-            'friction builds up; record slow motions that turn round (protocol = "reversals") and identify again, or '
-            "take the controller transparent"
+            f"card {card.family}: found no presliding_travel, expected one, because the amplitude of dither depends on "
+            'it. Record slow reversals (protocol = "reversals") and identify again, or use the controller transparent'
         )
     if not max(measured.value, measured.interval[1]) <= DITHER_TRAVEL:
         low, high = (1e3 * x for x in measured.interval)
         raise PellucidError(
             f"card {card.family}: found a presliding_travel of {1e3 * measured.value:.2g} mrad ({low:.2g} to "
-            f"{high:.2g}), expected at most {1e3 * DITHER_TRAVEL:g} for dither: over more it does not free the robot; "
-            "take the controller transparent"
+            f"{high:.2g}), expected at most {1e3 * DITHER_TRAVEL:g} for dither, which does not prevent sticking over "
+            "a larger displacement. Use the controller transparent"
         )
     return max(measured.value, 0.0)
 
@@ -342,7 +341,7 @@ def expecting_load(law: ControlLaw, load: Segment) -> ControlLaw:
 
 def _require_body(law: ControlLaw, what: str) -> None:
     if not LAWS[law.kind].carries_body or law.values.get("gravity_share") == 0.0:
-        raise PellucidError(f"law {law.kind}: found no body whose weight it carries, expected one for {what}")
+        raise PellucidError(f"law {law.kind}: found a law without gravity compensation, expected one for {what}")
 
 
 def breakaway(law: ControlLaw) -> float:

@@ -1,9 +1,10 @@
 """Control laws of all joints of a robot, built from its card alone.
 
-`full_compensation` carries weight and friction as they were identified; `carried` less of friction, so that nothing is
-driven; `transparent` also a share of inertia, by each joint's energy; `with_force_sensor`, `with_emg` and `with_dither`
-add to it. `instruments` of each joint say what the supervisor sees: measured drives, second encoders. What a card does
-not say is refused by name: a joint whose efforts are in its drive's unit, a joint of which no speed is known.
+`full_compensation` compensates identified gravity and friction. `carried` compensates less friction, so that no joint
+is driven. `transparent` also compensates a share of inertia, limited by each joint's energy. `with_force_sensor`,
+`with_emg` and `with_dither` extend it. `instruments` of each joint state the sensors of the supervisor: measured
+drives, second encoders. Incomplete cards are rejected with the reason, such as efforts in the unit of the drive or an
+unknown speed.
 """
 
 from __future__ import annotations
@@ -64,16 +65,16 @@ STORE_SPEED_OF_OWN = 2.0
 
 FORCE_FRICTION_SHARE = 0.5
 """Largest lasting difference between force sensors and the momentum observer, as a share of the joint's friction at
-rest under its largest weight [1]. It is beside what friction leaves open at each moment."""
+rest under its largest weight [1]. The uncertainty of friction at each moment is added."""
 
 FORCE_EFFORT_SHARE = 0.02
-"""Added to it: a share of the joint's limit of effort, for a sensor's offset [1]."""
+"""Share of the joint's limit of effort that is added for a sensor's offset [1]."""
 
 FORCE_BURST_SHARE = 0.15
-"""Largest difference at once, as a share of the joint's limit of effort, beside friction [1]."""
+"""Largest instantaneous difference, as a share of the joint's limit of effort, in addition to friction [1]."""
 
 FORCE_LOUDNESS = 0.0
-"""Largest sum over joints of what force sensors say too loudly, in units of each joint's friction at rest [1]."""
+"""Largest sum over joints of excess force readings, in units of each joint's friction at rest [1]."""
 
 
 def _defaults(model: str) -> dict[str, float]:
@@ -96,7 +97,7 @@ class Reach:
 
 @dataclass(frozen=True)
 class TreeLaw:
-    """A law of several joints with its numbers, by name and joint; what the builders of this file give.
+    """A control law of several joints with its parameters, by name and joint, as the builders of this file return.
 
     Attributes
     ----------
@@ -144,11 +145,11 @@ class TreeLaw:
         return made
 
     def start(self, *, single: bool = False) -> _core.TreeLaw:
-        """One of it at rest, behind its front; `single` in float32, as on a microcontroller."""
+        """Return an instance at rest, behind its front; `single` in float32, as on a microcontroller."""
         return _core.TreeLaw(**self.numbers, single=single)
 
     def supervised(self, *, single: bool = False, commanded: bool = False) -> _core.SupervisedTreeLaw:
-        """The same under its supervisor; `commanded`: with efforts that are told in each step in place of the law's."""
+        """Return an instance with its supervisor; `commanded`: efforts are given in each step instead of computed."""
         return _core.SupervisedTreeLaw(
             **self.numbers,
             watches=_rows(self.watches, tuple(_defaults("tree_watch_joint"))),
@@ -174,7 +175,7 @@ class TreeLaw:
 
 
 def full_compensation(card: TreeCard, **settings) -> TreeLaw:
-    """Weight and friction as they were identified: what is published, and the rival of all others here.
+    """Return the compensation of identified gravity and friction, as published, which is the baseline of the others.
 
     `settings` as of `carried`.
     """
@@ -256,11 +257,11 @@ def transparent(
     check_margin: bool = True,
     **settings,
 ) -> TreeLaw:
-    """Weight, friction and a share of inertia, what drives held to each joint's own energy; no force sensor needed.
+    """Return the compensation of gravity, friction and a share of inertia, limited by each joint's energy.
 
-    `inertia_share` of None is the largest up to `MOST_INERTIA_SHARE` whose margin over drawn bodies, postures and cuffs
-    is enough; a share with too small a margin is refused, unless `check_margin` is False. `acceleration` [rad/s^2 or
-    m/s^2]; `settings` as of `carried`.
+    It needs no force sensor. `inertia_share` of None is the largest up to `MOST_INERTIA_SHARE` with a sufficient margin
+    over sampled bodies, postures and cuffs; a share with too small a margin is rejected, unless `check_margin` is
+    False. `acceleration` [rad/s^2 or m/s^2]; `settings` as of `carried`.
     """
     law = carried(card, friction_share=friction_share, **settings)
     reach, share = reach_of(card), law.shares[0]
@@ -289,10 +290,13 @@ def with_force_sensor(
     limit_share: float = 0.2,
     at_joints: Sequence[str] | None = None,
 ) -> TreeLaw:
-    """A law that also drives what the wearer gives to zero, by sensors at joints or by one on a `body`, at a `point` in
-    it [m], whose force and moment are taken to joints by the Jacobian. `lowpass`, `drift` [rad/s]; `limit_share` of
-    each joint's limit of effort may be fed back. `at_joints` names the joints that have a sensor; None: all of them, or
-    none beside a body. The supervisor compares what the sensors say with the momentum observer."""
+    """Return the law with control of the interaction torque to zero, from force sensors.
+
+    The sensors are at joints, or one is on a `body`, at a `point` in it [m], whose force and moment the Jacobian
+    converts to joint torques. `lowpass`, `drift` [rad/s]; `limit_share` of each joint's limit of effort may be fed
+    back. `at_joints` names the joints that have a sensor; None: all of them, or none if there is a body. The supervisor
+    compares the sensors with the momentum observer.
+    """
     if body is not None and body not in law.card.bodies:
         raise PellucidError(f"found the body {body!r}, expected one of {', '.join(law.card.bodies)}")
     shares = tuple(
@@ -332,7 +336,7 @@ def with_emg(law: TreeLaw, joint: str, limb: Segment, *, share: float = 0.5, vis
         raise PellucidError(f"found the joint {joint!r}, expected one of {', '.join(law.card.names)}")
     k = law.card.names.index(joint)
     if law.card.motion[k] != "r":
-        raise PellucidError(f"{joint}: found a slide, expected a joint that turns for a limb that hangs from it")
+        raise PellucidError(f"{joint}: found a prismatic joint, expected a rotary joint for a limb")
     left = (1.0 - law.shares[k]["inertia_share"]) * float(reach_of(law.card).inertia[k])
     heard = {
         "muscle_expected": 1.0, "muscle_range": law.instruments[k].emg_range,
@@ -353,13 +357,13 @@ def with_dither(law: TreeLaw, *, share: float = 2.0, frequency: float = 1000.0) 
         travel = joint["presliding_travel"]
         if not travel > 0.0:
             raise PellucidError(
-                f"{name}: found no presliding_travel, expected one for dither: it hangs on the way over which friction "
-                "builds up; record slow motions that turn round, or take the law without"
+                f"{name}: found no presliding_travel, expected one, because the amplitude of dither depends on it. "
+                "Record slow reversals, or use the controller without dither"
             )
         if travel > DITHER_TRAVEL:
             raise PellucidError(
                 f"{name}: found a presliding_travel of {1e3 * travel:.2g} mrad, expected at most "
-                f"{1e3 * DITHER_TRAVEL:g} for dither: over more it does not free a joint"
+                f"{1e3 * DITHER_TRAVEL:g} for dither, which does not prevent sticking over a larger displacement"
             )
         level = float(largest_friction(model_fields("tree_joint"), joint, 0.0, float(reach.weight[k])))
         period = one["period"]
@@ -395,13 +399,15 @@ def reach_of(card: TreeCard, link: int | None = None, point: Sequence[float] = (
 
 
 def suggested_limits(card: TreeCard, reach: Reach) -> tuple[Limits, ...]:
-    """Limits for each joint: what the card allows. Where the card is silent, they are the most that compensation asks
-    at a speed it knows, half more than that speed, and no stops."""
+    """Return limits for each joint from the card.
+
+    By default they are the largest effort of the compensation at known speeds, 1.5 times that speed, and no stops.
+    """
     made = []
     for k, known in enumerate(card.ranges):
         effort = known.effort or float(reach.weight[k] + reach.friction[k])
         if not effort > 0.0:
-            raise PellucidError(f"{card.names[k]}: found neither weight nor friction, expected an effort of its range")
+            raise PellucidError(f"{card.names[k]}: found neither gravity nor friction, expected an effort limit")
         stops = (-math.inf if known.low is None else known.low, math.inf if known.high is None else known.high)
         margin = 0.02 * (stops[1] - stops[0]) if math.isfinite(stops[1] - stops[0]) else 0.0
         made.append(

@@ -22,7 +22,7 @@ friction of the drive before the spring is added, against which its torque loop 
 SPRING_INERTIA_FACTOR = 1.4
 """Largest ratio of the inertia that the drive's torque loop leaves to the one on the card [1].
 
-That inertia takes energy while a leg speeds up and returns it while the leg slows down, beside any command. With an
+That inertia takes energy while a leg speeds up and returns it while the leg slows down, whatever the command. With an
 account of it by the motor's own encoder healthy starts on 80 foreign drives of 20261103 and 20261105 to 20261107 came
 to at most a quarter of the energy that any drive may add; without the account to twenty times as much."""
 
@@ -43,17 +43,18 @@ SPRING_SHARE = 0.25
 """Further difference allowed, as a share of the command [1]."""
 
 SPRING_LAG = 0.04
-"""The difference may exceed both for this time [s]. Twenty drawn wearers exceeded them for at most two thirds of it."""
+"""Time for which the difference may exceed both [s]. Twenty sampled wearers exceeded them for at most two thirds of it.
+"""
 
 SPRING_LATE = 0.024
-"""How late a spring answers [s]. While a strap crosses its slack the command turns faster than that. Counted against
+"""Delay of a spring's response [s]. While a strap crosses its slack the command turns faster than that. Counted against
 the command at once those wearers got up to 2.0 of the energy that a drive may add, counted so late 0.5 of it."""
 
 
 SPRING_OFFSET_SHARE = 0.002
 """Offset of a spring's measured torque that is no fault, as a share of the law's limit of effort [1].
 
-A spring is tared where it is slack. A knee's command is small beside its limit: with the 0.01 of other drives one of
+A spring is tared where it is slack. A knee's command is small against its limit: with the 0.01 of other drives one of
 six drives with three times the effort was not found within 10 s and gave 2.9 J. With 0.002 all of 40 were found, after
 0.7 J at most. Healthy springs whose reading was off by 0.01 of the limit had no alarm in 3.2 h."""
 
@@ -73,8 +74,8 @@ def watched_worn(
 ) -> SupervisedLaw:
     """Return a worn law under a supervisor whose thresholds follow from its limits and its `instruments`.
 
-    The law asks a series spring for its torque. If the drive is measured, the measurement is the spring's torque. A
-    second encoder is the motor's beside the output's: both differ by the twist of the spring, whose stiffness the
+    The law commands the torque of a series spring. If the drive is measured, the measurement is the spring's torque. A
+    second encoder is on the motor, the first on the output: both differ by the twist of the spring, whose stiffness the
     instruments state. None are an output encoder alone.
 
     Raw data, command and memory are watched. No model is held against the wearer: the strap's share of the motion is no

@@ -56,12 +56,12 @@ TEMPLATE_FOLDERS = {
 }
 """Templates that are rendered, each with the folder of its file.
 
-They are those of a single joint. Every other kind of controller has a folder beside them, whose templates extend them
+They are those of a single joint. Every other kind of controller has a folder of its own, whose templates extend them
 and replace the blocks that differ. A template that such a folder lacks is the same for all kinds.
 """
 
 INCIDENT_TEMPLATE_FOLDERS = {"pellucid_incident.h": "", "pellucid_incident.cpp": "", "play_incident.c": "test"}
-"""Templates of the recorder beside the controller of a single joint, each with the folder of its file."""
+"""Templates of the incident recorder for a single joint, each with the folder of its file."""
 
 EXACT_FLAGS = "-ffp-contract=off -fno-math-errno"
 """Compiler options without which another machine may round otherwise."""
@@ -288,8 +288,8 @@ def require_own_folder(folder: Path, owner: Mapping[str, str], names: Iterable[s
         there = sorted(name for name in {*names, OWNER_FILE} if (folder / name).exists())
         if there:
             raise PellucidError(
-                f"{folder}: found {', '.join(there[:5])}, without a word of Pellucid's that they are its own; expected "
-                f"none of these. {_WAY_OUT}"
+                f"{folder}: found {', '.join(there[:5])}, which an export of Pellucid did not write; expected none of "
+                f"these files. {_WAY_OUT}"
             )
         return
     refuse_other_owner(folder, found, owner)
@@ -313,8 +313,8 @@ def owner_text(owner: Mapping[str, str]) -> str:
     return json.dumps(dict(owner), indent=1, ensure_ascii=False) + "\n"
 
 
-_WAY_OUT = "Name another folder with --out, or let it be replaced: --overwrite (overwrite=True)"
-"""End of a refusal to write into a folder: what the caller can do."""
+_WAY_OUT = "Name another folder with --out, or replace this one: --overwrite (overwrite=True)"
+"""Advice at the end of the message that an export does not write into a folder."""
 
 
 def _owner_of(folder: Path) -> dict[str, str] | None:

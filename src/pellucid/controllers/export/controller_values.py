@@ -43,29 +43,31 @@ from ..worn import watched_worn
 from .instruments_listing import ListedInstrument, list_instruments
 
 NO_START_UP_TEST_NOTE = (
-    "The limit of effort is too small for a test at start-up: a wave of that size might not move the joint. Polarity "
-    "and gain of the drive are not tested: test them by hand, or set a larger effort in [rig.limits] and export again."
+    "The effort limit is too small for a start-up test, because a test wave of that size might not move the joint. "
+    "Polarity and gain of the drive are therefore not tested: test them by hand, or set a larger effort in "
+    "[rig.limits] and export again."
 )
 """Note in the exported README if the controller has no test at start-up."""
 
 NO_ANSWER_NOTE = (
-    "The start-up test is not commissioned: it accepts a gain that is wrong by a factor of up to three. Log time, "
-    "position and effort of ten starts on a wearer who is at ease; pellucid commission --log states their answer as "
-    "start_up_answer in [rig.instruments]. Then export again."
+    "The start-up test is not commissioned: it accepts a drive gain that is wrong by a factor of up to three. Log "
+    "time, position and effort of ten starts on a relaxed wearer; pellucid commission --log writes their response as "
+    "start_up_answer into [rig.instruments]. Then export again."
 )
 """Note in the exported README if the start-up test has no answer of a commissioning."""
 
 PROBE_NOTE = (
-    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz. The wearer hears a hum "
-    "and feels a faint tingling while the law runs; tell them before. Their answers are judged against those that you "
-    "state as probe_answer in [rig.instruments]."
+    "The supervisor probes drive and encoder with small waves of effort at 42, 75 and 108 Hz. The wearer hears a hum "
+    "and feels a faint tingling while the controller runs; inform the wearer beforehand. The supervisor compares the "
+    "responses with probe_answer in [rig.instruments]."
 )
 """Note in the exported README if the supervisor probes and its answers at commissioning are known."""
 
 UNCOMMISSIONED_PROBE_NOTE = (
-    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz. The wearer hears a hum "
-    "and feels a faint tingling while the law runs; tell them before. The probe takes what they answer in the first "
-    "movement after each start for right: a drive that is wrong from the start is then found by the test at start-up "
+    "The supervisor probes drive and encoder with small waves of effort at 42, 75 and 108 Hz. The wearer hears a hum "
+    "and feels a faint tingling while the controller runs; inform the wearer beforehand. Without commissioning, the "
+    "responses in the first movement after each start are the reference: a fault from the start is detected by the "
+    "start-up test "
     "only. pellucid commission measures what is right on the robot and states it as probe_answer in "
     "[rig.instruments]; then export again."
 )
@@ -143,7 +145,7 @@ class ControllerValues:
 def protect_wearer(
     values: ControllerValues, *, probe: bool | None = None, unmeasured: bool = False, place: str = "export"
 ) -> ControllerValues:
-    """Return the law with a supervisor that knows its drive: by a measurement, or by a probe.
+    """Return the control law with a supervisor that checks its drive by a measurement or by a probe.
 
     `probe` is what a caller asks for; None: what the instruments say, and where they say nothing, a probe if the drive
     is not measured and a wave that the encoder can resolve is small enough. `unmeasured` accepts that a probe is
@@ -154,12 +156,12 @@ def protect_wearer(
     probes = not (instruments.drive or spring) if asked is None else asked
     made = replace(values, instruments=replace(instruments, probe=probes))
     if probes and spring:
-        raise PellucidError(f"{place}: found probe, expected none: a law that drives a spring has none")
+        raise PellucidError(f"{place}: found probe, expected none: a controller of a series spring has no probe")
     if asked is False and not (instruments.drive or unmeasured):
         raise PellucidError(
-            f"{place}: found a drive that is neither measured nor asked by a probe, expected [rig.instruments."
+            f"{place}: found a drive that is neither measured nor probed, expected [rig.instruments."
             f"drive_sensor]{' or spring_stiffness' if spring else ', or a probe'}; or --unmeasured (unmeasured=True), "
-            f"with which these faults of the drive are not found: {'; '.join(UNMEASURED_FAULTS)}"
+            f"which limits the detection of drive faults in simulation: {'; '.join(UNMEASURED_FAULTS)}"
         )
     if probes:
         try:
@@ -168,8 +170,8 @@ def protect_wearer(
             if asked is None:
                 return replace(values, instruments=replace(instruments, probe=False))
             raise PellucidError(
-                f"{place}: {error}. Without a probe state a measurement in [rig.instruments.drive_sensor]; "
-                "or accept that many of its faults are not found: --no-probe --unmeasured"
+                f"{place}: {error}. Instead of a probe, state a measurement in [rig.instruments.drive_sensor], or "
+                "accept that many drive faults are not detected: --no-probe --unmeasured"
             ) from None
     return made
 
@@ -192,7 +194,7 @@ def limits_of(study: Study, otherwise: Limits) -> tuple[Limits, tuple[str, ...]]
     if given.position_min is not None and given.position_max is not None:
         return limits, ()
     low, high = limits.position
-    return limits, (f"The study names no stops: {low:g} to {high:g} rad is a guess; set yours before switching on.",)
+    return limits, (f"The study states no stops: {low:g} to {high:g} rad is a guess; set yours before switching on.",)
 
 
 JOINT_CARD_NAMES = ("joint.json", "slider.load.json", "slider.consistent.json")
@@ -239,27 +241,27 @@ def joint_values(
     remarks = dict(identified_remarks(found))
     remarks["inertia"] += "; not carried"
     remarks |= {
-        "velocity_width": f"{WIDTH_SHARE:.0%} of the largest speed seen",
+        "velocity_width": f"{WIDTH_SHARE:.0%} of the largest recorded speed",
         "gravity_share": "chosen",
-        "friction_share": "chosen: what is left resists, so that nothing is driven",
+        "friction_share": "chosen: the remaining friction resists, so that the joint is not driven",
         "bandwidth": "chosen",
         "rate_limit": f"chosen: from 0 to the limit in {1e3 * EFFORT_RISE_S:g} ms",
         "max_age": "chosen: five periods",
         "max_repeats": "chosen",
     }
     chosen = {
-        "effort_limit": (given.effort, "the most that this compensation asks at a speed it knows"),
-        "velocity_limit": (given.velocity, "half more than any speed seen"),
-        "position_min": (given.position_min, "none known: set yours"),
-        "position_max": (given.position_max, "none known: set yours"),
+        "effort_limit": (given.effort, "largest effort of this compensation at recorded speeds"),
+        "velocity_limit": (given.velocity, "1.5 times the largest recorded speed"),
+        "position_min": (given.position_min, "unknown: set yours"),
+        "position_max": (given.position_max, "unknown: set yours"),
     }
     remarks |= {key: why if value is None else "from [rig.limits]" for key, (value, why) in chosen.items()}
     notes = source_notes(name, found)
     if isinstance(found, SliderCard):
         place = place_on_rail(found, slider)
-        notes += (f"The carriage is at {place:.4g} m: inertia and gravity hold there only.",)
+        notes += (f"Inertia and gravity are valid only with the carriage at {place:.4g} m.",)
     if low is None or high is None:
-        notes += ("The study names no stops: set position_min, position_max and stop_margin before switching on.",)
+        notes += ("The study states no stops: set position_min, position_max and stop_margin before switching on.",)
     return ControllerValues(
         law=law.kind,
         numbers=law.values,
@@ -337,7 +339,7 @@ def notes_of(card: TreeCard) -> tuple[str, ...]:
     notes = []
     for name, known, gain, unit in zip(card.names, card.ranges, card.gains, card.drive_units, strict=True):
         if known.low is None or known.high is None:
-            notes.append(f"{name}: the study names no stops; set position_min, position_max and stop_margin.")
+            notes.append(f"{name}: the study states no stops; set position_min, position_max and stop_margin.")
         if unit not in ("N*m", "N"):
-            notes.append(f"{name}: the effort is that after the gears; its drive gives {gain:.6g} of it per {unit}.")
+            notes.append(f"{name}: the effort is that behind the gears; its drive delivers {gain:.6g} per {unit}.")
     return tuple(notes)

@@ -28,10 +28,10 @@ from ..transparent_laws import MIN_STIFF_RESONANCE_HZ
 from .controller_values import ControllerValues, drive_notes, limits_of
 
 CARD_PREFIXES = ("inertia", "gravity", "stribeck_velocity", "offset", "stiffness", "energy_store")
-"""Beginnings of the names of parameters that follow from the card, beside friction; all other parameters are chosen."""
+"""Prefixes of parameters from the card, in addition to friction; all other parameters are chosen."""
 
 BODY_CARD = "slider.load.json"
-"""File name of the card whose body the supervisor holds against the motion, whichever law runs."""
+"""File name of the card whose body the supervisor compares with the motion, for every control law."""
 
 LIMIT_KEYS = {
     "effort_limit": "effort",
@@ -94,7 +94,7 @@ def elbow_values(
     if law.emg:
         remarks |= {name: f"of {participant}, by mass and height" for name in ("limb_inertia", "limb_gravity")}
     if law.load is not None or law.supported > 0.0:
-        remarks["gravity_sine"] += f"; {law.values['gravity_sine'] - stiff.values['gravity_sine']:.6g} of it of loads"
+        remarks["gravity_sine"] += f"; {law.values['gravity_sine'] - stiff.values['gravity_sine']:.6g} of it from loads"
     if named.exponents:
         remark = "chosen" if exponents else "chosen by five people on another robot"
         remarks |= dict.fromkeys(("exponent_up", "exponent_down"), remark)
@@ -127,30 +127,31 @@ def lowest_resonance(study: Study) -> float | None:
 def _gain_notes(stiff: ControlLaw, law: ControlLaw) -> Iterator[str]:
     if law.values.get("proportional") != stiff.values.get("proportional"):
         yield (
-            f"The gain on the interaction torque is {law.values['proportional']:g}, as in the virtual lab, not "
-            f"{stiff.values['proportional']:g} as on a stiff transmission: behind a soft one the force answers late, "
-            f"and more would ring. If rotor and joint resonate at {MIN_STIFF_RESONANCE_HZ:g} Hz or higher, say so with "
-            "lowest_resonance in [rig.drive] and export again."
+            f"The gain on the interaction torque is {law.values['proportional']:g}, for a compliant transmission, "
+            "which delays the force; a larger gain may be unstable. A stiff transmission allows "
+            f"{stiff.values['proportional']:g}: if rotor and joint resonate at {MIN_STIFF_RESONANCE_HZ:g} Hz or "
+            "higher, state lowest_resonance in [rig.drive] and export again."
         )
     if law.values.get("disturbance_share") != stiff.values.get("disturbance_share"):
         yield (
-            f"The share of the disturbance observer is {law.values['disturbance_share']:.2g}, as in the virtual lab: "
-            "with more, some rang whose wearer carried a load."
+            f"The share of the disturbance observer is {law.values['disturbance_share']:.2g}, as in simulation, where "
+            "larger shares were unstable for some wearers with a load."
         )
 
 
 def _load_notes(law: ControlLaw, held: tuple[float, float] | None) -> Iterator[str]:
     if law.load is not None:
         yield (
-            f"It carries a load of {law.load.mass:.3g} kg at {law.load.centre:.3g} m that is fastened to the robot, "
-            "and the supervisor expects it: put the load on before the start. A load that falls off stops the robot if "
-            "a force sensor contradicts it."
+            f"The controller compensates a load of {law.load.mass:.3g} kg at {law.load.centre:.3g} m that is fastened "
+            "to the robot, and the supervisor expects it. Fasten the load before the start. If the load falls off, the "
+            "supervisor stops the robot only if a force sensor shows it."
         )
     if law.supported > 0.0:
-        what = "the wearer's limb" if held is None else "the wearer's limb or of the load in the wearer's hand"
+        what = "the wearer's limb" if held is None else "the wearer's limb or the load in the wearer's hand"
         yield (
-            f"It carries {law.supported:.3g} N*m of the weight of {what}. No sensor of the robot tells that this "
-            "weight is gone: whoever lets go of a load, or takes the arm out, is pushed with that torque."
+            f"The controller supports {law.supported:.3g} N*m of the weight of {what}. No sensor of the robot detects "
+            "that this weight is gone: if the wearer releases the load or withdraws the arm, the robot pushes with "
+            "this torque."
         )
 
 
@@ -213,27 +214,28 @@ def _notes(
     place: float,
 ) -> Iterator[str]:
     yield f"{controller}: {named.title}."
-    yield f"The carriage is at {place:.4g} m: inertia and gravity hold there only."
+    yield f"The parameters are valid only with the carriage at {place:.4g} m, where inertia and gravity were computed."
     if LAWS[law.kind].optional_sensors:
         used = " and ".join(name for name in law.sensors if name in law.uses)
-        yield f"Of its optional inputs it uses {used or 'none'}; leave the others not valid."
+        yield f"Optional inputs that the controller uses: {used or 'none'}. Mark the others as not valid."
     if law.emg:
-        yield "muscle is the output of your EMG chain: the torque of the wearer's muscles at the joint."
+        yield "The input muscle is the output of your EMG chain: the torque of the wearer's muscles at the joint."
     if law.values.get("dither") and card.presliding_travel is not None:
         yield (
-            "The motor dithers against sticking, which is heard and warms it: begin with dither = 0, and watch what "
-            "the drive makes of more. Friction was measured to build up over "
-            f"{1e3 * card.presliding_travel.value:.2g} mrad; over more than 0.5 dither does not free a robot."
+            "Dither prevents sticking, but is audible and warms the motor: start with dither = 0 and increase it while "
+            f"you observe the drive. The measured presliding displacement is "
+            f"{1e3 * card.presliding_travel.value:.2g} mrad; dither does not prevent sticking above 0.5 mrad."
         )
     if named.exponents and exponents is None:
         up, down = PUBLISHED_EXPONENTS
         yield (
-            f"k of equation 8 is {up:g} up and {down:g} down, which five people chose on another robot: "
-            "let people choose on yours, and export again with --exponents."
+            f"The exponent k of equation 8 is {up:g} up and {down:g} down, the choice of five people on another robot. "
+            "Let your participants choose, and export again with --exponents."
         )
     if controller == "fc":
         yield (
-            "Equation 8 pushes at constant speed, beyond the robot's own friction: on the virtual robot this law gives "
-            "its wearer energy over most movements there and back. transparent and force_sensor take some."
+            "Equation 8 compensates more than the robot's friction at constant speed. In simulation, this controller "
+            "delivers energy to the wearer in most back-and-forth movements; transparent and force_sensor absorb "
+            "energy."
         )
     yield from drive_notes(card)

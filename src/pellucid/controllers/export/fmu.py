@@ -51,7 +51,7 @@ ENDING = ".fmu"
 """Ending of the file."""
 
 SOURCE_NAMES = ("pellucid_controller.cpp", "pellucid_controller.h", CONSTANTS_FILE)
-"""Files of the C folder that the unit is compiled from, beside the core's headers."""
+"""Files of the C folder from which the unit is compiled, together with the core's headers."""
 
 VECTOR_NAMES = ("test/vector_inputs.h", "test/vector_outputs.h")
 """Files of the C folder with the test vector."""
@@ -64,10 +64,10 @@ FMI_TYPES = {
 
 SAMPLE_FIELDS = (
     ("sequence", "word", "number of this measurement"),
-    ("time_us", "time", "when it was measured"),
-    ("valid", "flag", "false: the sensor itself says that this is no measurement"),
+    ("time_us", "time", "time of the measurement"),
+    ("valid", "flag", "false: the sensor reports that the value is not valid"),
 )
-"""Name, kind and description of the fields of a sample beside its value."""
+"""Name, kind and description of the fields of a sample in addition to its value."""
 
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 """Time of every file in the archive: the same export gives the same bytes."""
@@ -114,7 +114,7 @@ def unit_variables(values: ControllerValues, content: Mapping[str, Any]) -> tupl
                 yield f"{name}.{field}", kind, "input", f"{at}.{field}", start, words
         yield "token", "word", "input", "input.token", "0", "answer to `challenge` that asks for a reset; otherwise 0"
         yield "stop", "flag", "input", "stop", "false", "true: the controller stops before this step (pellucid_stop)"
-        yield "init", "flag", "input", "init", "false", "true: pellucid_init runs again; it ends no fault"
+        yield "init", "flag", "input", "init", "false", "true: pellucid_init runs again, which does not reset a fault"
         yield (
             "stamps_given", "flag", "parameter", "stamps_given", "false",
             "true: one step per communication step, with the numbers and times of the inputs",

@@ -70,5 +70,5 @@ def list_instruments(
         lines.append(ListedInstrument("answer to the probe at commissioning", value, answered))
     if not spring:
         watched = "yes" if used.shaking else "no"
-        lines.append(ListedInstrument("watch for shaking, to and fro for seconds", watched, not used.shaking))
+        lines.append(ListedInstrument("check for sustained oscillation (shaking)", watched, not used.shaking))
     return tuple(lines)

@@ -75,7 +75,7 @@ def measure(folder: Path) -> OnCortexM4:
 def save_measured(
     study: Study, folder: Path, found: OnCortexM4 | None, *, controller: str | None = None
 ) -> list[ResultRow]:
-    """Write the figures to results.json, in place of those of an earlier export."""
+    """Write the measurements to results.json, replacing those of an earlier export."""
     checksum = sha256((folder / "pellucid_constants.h").read_bytes()).hexdigest()
     rows = [] if found is None else list(_rows(study.name, found, checksum, controller))
     if rows or study.results_path.exists():

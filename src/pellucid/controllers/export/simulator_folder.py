@@ -31,13 +31,13 @@ SIMULATOR_FILES = {"mjcf": "model.xml", "urdf": "model.urdf"}
 """Name of the model's file for each language of simulators."""
 
 FILES_BESIDE = ("ranges.json", "README.md", "friction.py")
-"""Names of the files beside the model's."""
+"""Names of the files written with the model."""
 
 TREE_CARD_NAMES = ("tree.consistent.json", "tree.best.json")
 """File names of the cards of a robot that can be exported; the first one that exists is used."""
 
 FRICTION_SOURCE = Path(__file__).parent / "templates" / "simulator" / "friction.py.j2"
-"""Program that is put beside an MJCF model."""
+"""Program written with an MJCF model."""
 
 README_TEXT = {
     "mjcf": """# {name} in MuJoCo
@@ -55,7 +55,7 @@ has armature, friction and spring of each joint, and the value and {confidence:.
 covariance. In Pinocchio, set `model.armature` from it.
 """,
 }
-"""Text of the README.md beside each model."""
+"""Text of the README.md of each model."""
 
 
 def write_simulator_folder(model: SimulatorModel, to: str, folder: Path) -> Path:

@@ -129,7 +129,7 @@ def joint_simulator_model(card: ModelCard, limits: JointLimits) -> SimulatorMode
     return SimulatorModel(
         card.study, (0.0, 0.0, -GRAVITY), (body,), SINGLE_JOINT, parameters, card.covariance, card.confidence,
         (f"Joint {card.joint} of {card.study}, family {card.family}, by {card.method}.",
-         "The joint's own motion does not tell which part of its inertia is the link's and which the rotor's."),
+         "The motion of a single joint does not identify the inertia of link and rotor separately."),
         card.purpose,
     )  # fmt: skip
 
@@ -157,13 +157,13 @@ def tree_simulator_model(card: TreeCard) -> SimulatorModel:
     """Return the model of a robot of several joints, with the limits that its card states."""
     if not card.consistent:
         raise PellucidError(
-            "found inertias that no bodies have, expected those of bodies: a simulator refuses them. Name the card "
-            "whose inertias are consistent: --card tree.consistent.json"
+            "found physically inconsistent inertias, expected consistent ones, which simulators require. Use the "
+            "consistent card: --card tree.consistent.json"
         )
     if card.motors and np.abs(np.array(card.turns) - np.eye(len(card.turns))).max() > 0.0:
         raise PellucidError(
-            "found motors that turn with several joints, expected one of its own for each: neither MJCF nor URDF has "
-            "friction of a motor apart from its joint's"
+            "found motors that turn with several joints, expected a separate motor for each joint: neither MJCF nor "
+            "URDF represents friction of a motor separately from that of its joint"
         )
     wrong = [unit for unit in card.effort_units if unit not in ("N*m", "N")]
     if wrong:
@@ -219,8 +219,8 @@ def mjcf_text(model: SimulatorModel, *, timestep: float = 0.001) -> str:
     require_bodies(model)
     lines = [
         "<!--", *(f"  {visible_text(note).replace('--', '- -')}" for note in model.notes),
-        "  frictionloss and damping are the friction where both directions agree; friction.py adds what depends on",
-        "  direction, load and speed. ranges.json has the interval of every number.", "-->",
+        "  frictionloss and damping are the friction common to both directions; friction.py adds the dependence on",
+        "  direction, load and speed. ranges.json has the interval of every parameter.", "-->",
         f"<mujoco model={_name(model.name)}>",
         '  <compiler angle="radian" autolimits="true" inertiafromgeom="false"/>',
         f'  <option timestep="{timestep:g}" integrator="implicitfast" gravity="{_numbers(model.gravity)}">',

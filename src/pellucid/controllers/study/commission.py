@@ -64,11 +64,11 @@ class Commissioning:
     written: tuple[str, ...]
 
     def lines(self) -> tuple[str, ...]:
-        """Return what to tell a person, a line each."""
+        """Return the lines of the printed summary."""
         drive, found = self.drive, self.answers
-        gain = "not told: the rotor swings before a soft transmission"
+        gain = "not identifiable, because the rotor oscillates against a compliant transmission"
         if np.isfinite(drive.gain):
-            gain = f"{drive.gain:.3f} of what is stated (standard deviation {drive.gain_spread:.3f})"
+            gain = f"{drive.gain:.3f} times the stated gain (standard deviation {drive.gain_spread:.3f})"
         made = [
             f"{self.source}: {drive.starts} starts",
             f"sign: {'right' if drive.sign > 0 else 'reversed: exchange the leads, or the sign in [rig.drive]'}",
@@ -88,7 +88,7 @@ class Commissioning:
 
 
 def _nobody_to_ask(question: str) -> None:
-    """Go on at once: whoever calls the function has done what the question is about."""
+    """Continue at once, because the caller of the function has prepared the robot."""
 
 
 @with_checked_arguments
@@ -178,11 +178,11 @@ def _play(
 ) -> tuple[list[StartLog], list[StartLog]]:
     """Return starts without and with a wearer, played on a robot, or on the study's virtual one."""
     if robot is not None:
-        ask("Nobody may be strapped in, and the joint must be free to move. Press Enter to apply power.")
+        ask("Make sure that nobody wears the robot and that the joint can move. Press Enter to apply power.")
         empty = record_starts(robot, law, START_COUNT, worn=False)
         if not wearer:
             return empty, empty
-        ask("Strap in a wearer who is at ease, to move the joint for 20 s from the tenth start. Press Enter.")
+        ask("Put the robot on a relaxed wearer, who moves the joint for 20 s from the tenth start. Press Enter.")
         return empty, record_starts(robot, law, START_COUNT, worn=True)
     made = [plugin.value(study.folder) for plugin in load_plugins("pellucid.robots")]
     make = next((one for one in made if one is not None), None)

@@ -36,7 +36,7 @@ STOP_QUESTION = "Does the record show why the supervisor stopped the controller?
 """Question that the account of an incident answers."""
 
 LARGE_SHARE = 10.0
-"""From this share on a value is told as a multiple of its threshold, not in percent [1]."""
+"""Smallest share of a threshold that is reported as a multiple, not in percent [1]."""
 
 SHOWN_DIGITS = 3
 """Significant digits of printed values."""
@@ -80,9 +80,9 @@ class IncidentAccount:
         reason = ""
         numbers: tuple[AnswerNumber, ...] = ()
         if record.stop is None:
-            verdict, reason = "no", "the record holds no stop"
+            verdict, reason = "no", "the record contains no stop"
         elif acting is None and self._has_watch_of(self.fault):
-            verdict, reason = "cannot say", "no watch of this fault was beyond its threshold in the record of the stop"
+            verdict, reason = "cannot say", "no check of this fault exceeded its threshold in the record of the stop"
         nearest = acting or (self.watches[0] if self.watches else None)
         if nearest is not None:
             numbers = (AnswerNumber(f"value over threshold of the watch {nearest.name}", nearest.share, "1"),)
@@ -183,7 +183,7 @@ class IncidentAccount:
         said: list[tuple[str, str]] = []
         if record.damages:
             times = "once" if record.damages == 1 else f"{record.damages} times"
-            said.append(("warning", f"The recorder found its own memory damaged {times} and began anew."))
+            said.append(("warning", f"The recorder detected damaged memory {times} and restarted its record."))
         if record.stop is None:
             nearest = f" {_nearest_text(self.watches[0])}" if self.watches else ""
             length = float(np.ptp(record.time)) if len(record.time) else 0.0
@@ -203,7 +203,7 @@ class IncidentAccount:
         sensors = len(record.samples) - len(FEEDBACK_NAMES)
         # The file does not state how often the law accepts the same sample.
         why = f": {known.when_of_law(sensors, math.nan)}".replace(" nan times", " N times") if known else ""
-        return f'The supervisor stopped the law "{record.law}" for the fault "{self.fault}"{why}.'
+        return f'The supervisor stopped the controller "{record.law}" for the fault "{self.fault}"{why}.'
 
     @property
     def _position_text(self) -> str:
@@ -224,11 +224,11 @@ class IncidentAccount:
     def _watch_sentences(self) -> list[tuple[str, str]]:
         acting, others = self.acting, list(self.watches)
         if acting is None:
-            said = "This fault has no value that approaches a threshold: one period shows it."
+            said = "This fault is detected in a single period and has no value that approaches a threshold."
         else:
             value, threshold = quantity(acting.value, acting.unit), quantity(acting.threshold, acting.unit)
             said = (
-                f'The watch "{acting.name}" acted ({acting.sentence}): it was at {value}, '
+                f'The check "{acting.name}" ({acting.sentence}) caused the stop: its value was {value}, '
                 f"{share_text(acting.share)} its threshold of {threshold}."
             )
             others = [one for one in others if one.name != acting.name]
@@ -237,7 +237,7 @@ class IncidentAccount:
     def _response_text(self, then: str) -> str:
         seconds, power_off = self.seconds_until_powerless, "the drive had no power"
         if then in POWERLESS_MODES or seconds == 0.0:
-            return f"Then {power_off}: it was taken off in the period in which the fault was found."
+            return f"Then {power_off}: it was switched off in the period in which the fault was detected."
         if math.isfinite(seconds):
             return f"A damped stop followed; {seconds:.3g} s later {power_off}."
         left = float(self.time[-1])
@@ -249,8 +249,8 @@ class IncidentAccount:
         power = self.power_before
         size = quantity(abs(power), "W")
         gave = f", which gave {size} to the joint" if power >= 0.0 else f", which took {size} from the joint"
-        said = f"Just before, the law asked for {effort}{gave if math.isfinite(power) else ''}."
-        return f"{said} Without the supervisor it would have gone on."
+        said = f"Just before, the controller commanded {effort}{gave if math.isfinite(power) else ''}."
+        return f"{said} Without the supervisor it would have continued."
 
     def __str__(self) -> str:
         return " ".join(text for _, text in self.sentences)
@@ -370,6 +370,6 @@ def share_text(share: float) -> str:
 
 
 def _nearest_text(one: WatchDistance, other: bool = False) -> str:
-    which = "Of the other watches" if other else "Of all watches"
-    far = "was farthest beyond" if one.share > 1.0 else "came nearest to"
-    return f'{which}, "{one.name}" {far} its threshold: {share_text(one.share)} it.'
+    which = "Of the other checks" if other else "Of all checks"
+    far = "exceeded its threshold most" if one.share > 1.0 else "came nearest to its threshold"
+    return f'{which}, "{one.name}" {far}: {share_text(one.share)} it.'

@@ -80,8 +80,8 @@ def incident_figure(account: IncidentAccount) -> Drawing:
     roles |= dict(zip((one.name for one in watches), ("fitted", "heldout"), strict=False))
     began = "the stop" if record.stop is not None else "the last record"
     caption = (
-        f"The last seconds; time 0 is {began}. Of the watch each record shows the period nearest to its threshold. "
-        f"Values beyond {SHOWN_SHARES:g} times the threshold are drawn there."
+        f"The last seconds; time 0 is {began}. For the supervisor check, each record shows the period nearest to the "
+        f"threshold. Values beyond {SHOWN_SHARES:g} times the threshold are drawn at that limit."
     )
     drawing = over_time(panels, "incident", roles=roles, caption=caption, height=PANEL_HEIGHT)
     for axis in drawing.figure.axes:
@@ -100,7 +100,7 @@ def _course_table(account: IncidentAccount) -> Table:
                 Row((f"{1e3 * account.time[i]:.4g} ms".replace("-", MINUS_SIGN), *cells), strong=i == record.stop)
             )
     heads = ("after the stop", "the supervisor", "fault", "power", "effort")
-    return number_table(heads, rows, "Every change of what the supervisor did.", words=4)
+    return number_table(heads, rows, "Every change of the supervisor's state.", words=4)
 
 
 def _watch_section(account: IncidentAccount) -> Section:
@@ -109,17 +109,18 @@ def _watch_section(account: IncidentAccount) -> Section:
     sentences = {one.name: one.sentence for one in account.watches}
     made = [Row((row[0], sentences[row[0]], *row[1:]), strong=row[0] == acting) for row in rows]
     caption = (
-        "Of each watch the moment up to the stop in which it came nearest to its threshold; the acting watch is bold."
+        "For each supervisor check, the value nearest to its threshold up to the stop. Bold: the check that caused the "
+        "stop."
     )
-    plain = (heads[0], "what it watches", *(head.removeprefix(">") for head in heads[1:]))
-    return Section("watches", "How near each watch came", tables=(number_table(plain, made, caption, words=2),))
+    plain = (heads[0], "checked condition", *(head.removeprefix(">") for head in heads[1:]))
+    return Section("watches", "Values and thresholds", tables=(number_table(plain, made, caption, words=2),))
 
 
 def _log_section(account: IncidentAccount) -> Section:
     rows = [(f"{step}", fault.replace("_", " "), mode.replace("_", " ")) for step, fault, mode in account.record.log]
     caption = "The supervisor's own log, the latest fault first."
     stopped = sum(mode in STOPPED_MODES for mode in account.record.mode)
-    note = f"In {stopped} of {len(account.record.mode)} records the law was stopped."
+    note = f"The controller was stopped in {stopped} of {len(account.record.mode)} records."
     return Section(
-        "log", "Log", tables=(number_table(("period", "fault", "what was then done"), rows, caption),), notes=(note,)
+        "log", "Log", tables=(number_table(("period", "fault", "response"), rows, caption),), notes=(note,)
     )
