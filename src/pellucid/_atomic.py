@@ -17,12 +17,12 @@ machine that shares the folder."""
 
 
 def write_text_atomically(path: str | os.PathLike, text: str) -> Path:
-    """Write `text` as UTF-8 beside `path`, then rename it into place."""
+    """Write `text` as UTF-8 to a temporary file in the folder of `path`, then rename it to `path`."""
     return write_bytes_atomically(path, text.encode("utf-8"))
 
 
 def write_bytes_atomically(path: str | os.PathLike, content: bytes | memoryview, *, private: bool = False) -> Path:
-    """Write bytes beside `path`, then rename the file into place; other users cannot read a `private` file."""
+    """Write bytes to a temporary file in the folder of `path`, then rename it; others cannot read a `private` file."""
     with atomically(path, private=private) as file:
         file.write(content)
     return Path(path)

@@ -14,10 +14,10 @@ A `domain.py` holds references and imports nothing of its domain, so that none o
     Evaluations of `calibrate` for studies whose torque comes from another domain's procedure: objects of
     `emg.study.emg_torque.trial_sources.TorqueEvaluation`.
 ``LOG_CHECKS``
-    Functions that tell what is wrong with the columns of a log, of the kind that the domain knows: a `files.log.Log`
-    in, `files.log.LogFinding` objects out. What they find of a channel stands in place of what any channel is held to.
+    Functions that check the columns of a log of the domain's kind: a `files.log.Log` in, `files.log.LogFinding` objects
+    out. Their findings on a channel replace those of the general checks.
 ``WORN_BODIES``
-    Functions that make the body against which a wearer's torque is computed of cards, as
+    Functions that build, from model cards, the body with which a wearer's torque is computed, as
     `emg.study.emg_torque.trial_sources.WornBody`.
 
 References are relative to the domain: ``"fit.joint_estimate:JointEstimate"``.
@@ -35,7 +35,7 @@ from typing import Any
 from ._errors import PellucidError
 
 DOMAIN_NAMES = ("arm", "controllers", "emg", "joint", "orthosis", "people")
-"""Folders of domains. Each may be missing; what needs it then says so."""
+"""Folders of domains. Each may be missing; a function that needs it then raises an error."""
 
 
 @cache
@@ -50,9 +50,9 @@ def find_domains() -> tuple[ModuleType, ...]:
 
 @cache
 def offered(kind: str) -> tuple[Any, ...]:
-    """Return everything of a kind that domains offer as a sequence of references.
+    """Return all objects of a kind that domains offer as a sequence of references.
 
-    What needs a domain that is missing is left out.
+    Objects that need a missing domain are excluded.
     """
     found = []
     for domain in find_domains():

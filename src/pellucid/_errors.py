@@ -1,4 +1,4 @@
-"""Types of errors. Every message names the file, the channel, what was found and what was expected."""
+"""Types of errors. Every message names the file, the channel, the finding and the expectation."""
 
 
 class PellucidError(ValueError):
@@ -40,11 +40,11 @@ class RecordingError(PellucidError):
 
 
 class TruncatedFileWarning(UserWarning):
-    """A file ends in the middle of a row or chunk; what is before was read."""
+    """A file ends in the middle of a row or chunk; the part before was read."""
 
 
 class DamagedRowsWarning(UserWarning):
-    """Some rows of a text table are damaged and were left out."""
+    """Some rows of a text table are damaged and were excluded."""
 
 
 class UnfitRecordingError(RecordingError):

@@ -30,8 +30,8 @@ Returned = TypeVar("Returned")
 
 
 MAX_PROCESS_GROWTH_BYTES = 1e12
-"""loky replaces a process whose memory grows by more than this. No job does: what a process keeps for later jobs is no
-leak."""
+"""Growth of memory above which loky replaces a process. It is out of reach, because caches for later jobs are no leak.
+"""
 
 
 def with_one_blas_thread(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:

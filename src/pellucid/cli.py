@@ -936,7 +936,7 @@ def protocol(
         out,
         f"{folder}: {count_of(len(files), 'file')} of {settle + periods} periods of {motion.period:g} s; "
         f"{len(motion.lines)} lines from {motion.frequency[0]:g} to {motion.frequency[-1]:g} Hz, "
-        f"{len(motion.left_out)} left out; peak {motion.peak:.3g} {unit}.",
+        f"{len(motion.left_out)} excluded; peak {motion.peak:.3g} {unit}.",
     )
     print_line(
         out,
@@ -1084,7 +1084,7 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
     except OSError as error:
         # The result of minutes of work is printed if it cannot be written.
         print_json(result)
-        exit_with_message(f"nothing could be written: {error.strerror or error}; what was found is printed above")
+        exit_with_message(f"results could not be written: {error.strerror or error}; they are printed above")
     if json:
         print_json(result)
     else:

@@ -96,7 +96,7 @@ def test_a_gain_that_costs_torque_is_named_where_ranges_pass(study, tmp_path):
     file.write_text(f"{head}endheader\n{names}\n{table}\n", encoding="utf-8")
     (found,) = session_faults(open_study(folder))
     assert (found.kind, found.channel) == ("changed_channel", "emg.soleus")
-    assert "may cost" in found.message
+    assert "may reduce R²" in found.message
 
 
 def at_pace(trial, pace, gain):

@@ -176,11 +176,11 @@ def test_a_study_has_activations_tables_and_a_page(tmp_path, leg):
     rows = {row.id: row for row in found.rows}
     # The recording is held out; its note says that the method was told the torque.
     assert rows["leg.knee.second.assisted.r2"].split == "heldout"
-    assert "no evidence" in rows["leg.knee.second.assisted.r2"].note
+    assert "not a test" in rows["leg.knee.second.assisted.r2"].note
     assert rows["leg.knee.second.emg_driven.r2"].split == "heldout"
     assert not rows["leg.knee.second.emg_driven.r2"].note
     assert rows["leg.knee.left_out.synergies.r2"].value > 0.8
-    assert any("no evidence" in verdict.said for verdict in found.verdicts)
+    assert any("not a test" in verdict.said for verdict in found.verdicts)
     found.save(opened)
     table = np.loadtxt(opened.folder / "tables" / "activations_knee_second.csv", delimiter=",", skiprows=1)
     assert table.shape[0] == len(leg[2]["knee"])

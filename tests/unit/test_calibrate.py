@@ -271,7 +271,8 @@ def test_a_band_says_what_it_holds():
     time = np.linspace(0.0, 4.0, 100)
     trace = TorqueTrace("knee", "a", time, np.sin(time), {"hill": np.sin(time) + 0.1 * (time > 1.0)},
                         {"hill": np.full(100, 0.05)})  # fmt: skip
-    assert coverage_text(trace).endswith("meant for 95 %, holds 25 % of this torque")
+    assert coverage_text(trace).startswith("; the 95 % prediction band of ")
+    assert coverage_text(trace).endswith("covers 25 % of this torque")
     assert coverage_text(TorqueTrace("knee", "a", time, time, {"ridge": time})) == ""
 
 
@@ -343,7 +344,7 @@ def test_steps_are_judged_repetition_by_repetition(tmp_path, quick):
     assert {"orthosis.emg.S1.rmse.ridge", "orthosis.emg.S1.r2.tree", "orthosis.emg.S1.rmse.ridge.causal"} <= set(rows)
     assert rows["orthosis.emg.S1.rmse.tree"].value < 2.0
     assert rows["orthosis.emg.S1.rmse.motion"].value > 2.0 * rows["orthosis.emg.S1.rmse.tree"].value
-    assert any("is 113 ms late" in verdict.text for verdict in found.verdicts)
+    assert any("delays EMG by 113 ms" in verdict.text for verdict in found.verdicts)
 
 
 @pytest.mark.slow
@@ -428,7 +429,7 @@ def test_an_instrument_that_stopped_early_is_refused(tmp_path, quick):
 
 def test_nothing_to_judge_is_refused(tmp_path, quick):
     study = leg(tmp_path / "leg", windows=(("fitted", "fit", 0, 5),))
-    with pytest.raises(IdentificationError, match="found 1 recordings to fit and 0 to judge"):
+    with pytest.raises(IdentificationError, match="found 1 recordings to fit and 0 held out"):
         calibrate(study)
 
 
@@ -436,7 +437,7 @@ def test_no_torque_at_all_is_refused(tmp_path, quick):
     study = leg(tmp_path / "leg")
     config = study.folder / "study.toml"
     config.write_text(config.read_text(encoding="utf-8").replace("moment.knee", "other.knee"), encoding="utf-8")
-    with pytest.raises(IdentificationError, match="joint knee: found 0 recordings to fit and 0 to judge"):
+    with pytest.raises(IdentificationError, match="joint knee: found 0 recordings to fit and 0 held out"):
         calibrate(open_study(study.folder))
 
 

@@ -85,7 +85,7 @@ def test_a_late_drive_is_moved_on_a_joint_richer_than_the_model(bench, samples):
 def test_a_late_encoder_is_an_early_drive(bench):
     found = alignment(late(bench, "position", 20))
     assert found.moved == pytest.approx(-0.0205, abs=2.5e-3)
-    assert found.said.startswith("position comes 2")
+    assert found.said.startswith("position is delayed by 2")
 
 
 def test_of_a_drive_in_time_nothing_is_said_or_moved(bench):
@@ -152,7 +152,7 @@ def test_it_is_told_with_what_to_write(bench):
     study = late(bench, "current", 20)
     fault = next(fault for fault in check(study) if fault.kind == "delay")
     assert fault.severity == "note"
-    assert "current comes" in fault.message
+    assert "current is delayed" in fault.message
     assert 'delay = "0 s"' in fault.message
     verdict = next(
         v for v in identify(study, families=["symmetric"], thorough=False).verdicts if v.finding == "late_drive"
@@ -176,7 +176,7 @@ def test_a_delay_by_hand_is_taken_and_none_is_estimated(bench, tmp_path):
     assert find_alignments(said("0 s")) == ()
     asked = alignment(said("auto"))
     assert asked.asked
-    assert "No delay of current" in asked.said
+    assert "do not prove a delay of current" in asked.said
     (tmp_path / "study.toml").write_text(text.replace('unit = "rad" }', 'unit = "rad", delay = "auto" }'))
     with pytest.raises(StudyError, match="expected a time"):
         open_study(tmp_path)

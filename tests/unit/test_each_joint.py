@@ -139,7 +139,7 @@ def test_a_joint_with_a_reversed_drive_is_left_out(make_leg, columns):
     study = make_leg({**columns, "tau_knee": -columns["tau_knee"]}, ["hip", "knee"])
     faults = check(study)
     assert not [fault for fault in faults if fault.severity == "refuse"]
-    assert any("knee: left out" in fault.message for fault in faults if fault.severity == "warn")
+    assert any("knee: excluded" in fault.message for fault in faults if fault.severity == "warn")
     found = identify(study, **FAST)
     assert (list(found.joints), list(found.left_out)) == (["hip"], ["knee"])
     (said,) = (verdict for verdict in found.verdicts if verdict.finding == "left_out")

@@ -292,7 +292,7 @@ def test_nothing_left_to_fit_is_said(own_files):
     for gap in range(0, len(table), 600):
         table[gap : gap + 100, 0] = np.nan
     write_table(own_files, "ramps", table)
-    with pytest.raises(IdentificationError, match="found 0 recordings to fit and 1 to judge"):
+    with pytest.raises(IdentificationError, match="found 0 recordings to fit and 1 held out"):
         pellucid.calibrate(study(own_files))
     check(study(own_files))
 

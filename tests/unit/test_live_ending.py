@@ -46,5 +46,5 @@ def test_the_evaluation_at_the_end_tells_its_progress(tmp_path, monkeypatch):
     told = []
     run_session.evaluate(open_study(tmp_path / "s"), lambda text, share: told.append((text, share)))
     assert told[0][1] == 0.0
-    assert all(text.startswith("the session is over and is evaluated") for text, _ in told[:-1])
+    assert all(text.startswith("evaluation of the session") for text, _ in told[:-1])
     assert told[-1] == ("done", 1.0)

@@ -129,16 +129,16 @@ def test_a_silent_engine_is_told_at_once_and_a_stop_is_answered(rig):
         answer, _ = rig.operator.act("stop")
         assert answer["type"] == "refused"
         assert "engine is silent" in answer["why"]
-        assert "its own switch" in answer["why"]
+        assert "switch off the robot's power" in answer["why"]
         rig.until(lambda: rig.session.phase == "judged")
         assert rig.session.reason in ("the engine is silent", "the robot was stopped by hand")
         assert rig.operator.act("repeat")[0]["type"] == "done"
         assert rig.operator.act("start")[0]["why"] == "the engine is silent"
         time.sleep(1.5)  # longer than a session may be silent
     rig.until(lambda: rig.engine.status().state.needs_reset)
-    rig.until(lambda: any(text.startswith("the engine goes on") for text in texts(rig)))
+    rig.until(lambda: any(text.startswith("the engine continues") for text in texts(rig)))
     assert "stopped by hand" in texts(rig)
-    assert not any("busy" in text or "no sign of life" in text for text in texts(rig))
+    assert not any("busy" in text or "did not respond" in text for text in texts(rig))
     rig.until(lambda: is_off(rig))
     rig.until_powered()
 

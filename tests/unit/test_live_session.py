@@ -411,7 +411,7 @@ def test_a_trial_needs_the_streams_that_the_study_names(tmp_path):
     session.step()
     session.act("participant", "consent")
     session.act("participant", "ready")
-    assert session.act("operator", "start") == "the stream markers is not heard; [session] streams asks for it"
+    assert session.act("operator", "start") == "the stream markers is not received, but [session] streams requires it"
     assert session.operator_state()["missing_streams"] == ("markers",)
     engine.silent["markers"] = 0.0
     clock.now += 1.0
@@ -421,7 +421,7 @@ def test_a_trial_needs_the_streams_that_the_study_names(tmp_path):
     clock.now += 1.0
     engine.silent["emg"] = 2.5
     run_until(session, clock, lambda: session.phase == Phase.judged)
-    assert session.reason == "the stream emg fell silent during the trial"
+    assert session.reason == "the stream emg stopped sending during the trial"
 
 
 def test_what_happens_to_a_clock_is_told_while_it_happens(tmp_path):
@@ -432,7 +432,7 @@ def test_what_happens_to_a_clock_is_told_while_it_happens(tmp_path):
     told = [fault.text for fault in session.faults]
     assert "the clock of the stream emg jumped, 1 times so far" in told
     assert "the stream emg lost 20 samples" in told
-    assert "the stream encoder sends batches of samples with one time" in told
+    assert "the stream encoder sends batches of samples with the same time" in told
     clock.now += 1.0
     session.step()
     assert [fault.text for fault in session.faults] == told  # each once

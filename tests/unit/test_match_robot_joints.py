@@ -96,7 +96,7 @@ def test_columns_without_names_are_taken_in_the_order_of_the_chain(tmp_path, rng
     roles, columns = recorded(robot, ["joint_1", "joint_2"], rng)
     found = match_robot_joints(robot, roles, [columns])
     assert found.names == {"joint_1": "lift", "joint_2": "tilt"}
-    assert any("by their order" in text for text in found.remarks)
+    assert any("matched by order" in text for text in found.remarks)
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ def test_a_recorded_joint_that_the_file_lacks_is_left_out(tmp_path, rng):
     roles = replace(roles, roles=(*roles.roles, *more), joints=(*roles.joints, "gripper"))
     found = match_robot_joints(robot, roles, [columns])
     assert found.names == {"lift": "lift", "tilt": "tilt"}
-    assert any(text.startswith("gripper: left out") for text in found.remarks)
+    assert any(text.startswith("gripper: excluded") for text in found.remarks)
 
 
 def test_what_is_missing_must_carry_nothing_that_moved(tmp_path, rng):

@@ -29,7 +29,7 @@ def told(predictions):
 
 def test_one_file_of_five_that_differs_is_named(rng):
     (verdict,) = told([prediction(rng, f"r{i}", 0.5 * (i == 3)) for i in range(5)])
-    assert "'r3' explains the held-out error" in verdict.text
+    assert "'r3' dominates the held-out error" in verdict.text
 
 
 def test_recordings_that_are_alike_name_none(rng):

@@ -114,7 +114,7 @@ def test_a_joint_says_whether_it_predicts(joint, tmp_path):
     assert "<animate" in joint.page.figure.svg
     fit = fabricate.fit(heldout=0, samples=400)
     page = joint_page(fabricate.study(tmp_path / "bench", fit), fit)
-    assert (page.answer.verdict, page.answer.reason) == ("cannot say", "nothing was held out")
+    assert (page.answer.verdict, page.answer.reason) == ("cannot say", "no recording was held out")
     assert "<animate" in page.figure.svg
 
 

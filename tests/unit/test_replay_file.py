@@ -78,7 +78,7 @@ def test_a_log_that_lies_elsewhere_is_stopped_at_its_sample(tmp_path):
     log_study(tmp_path / "other", angle, torque)
     answer = replay_file(study, tmp_path / "other" / "a.csv")
     assert "would have stopped at sample 250 of 400" in answer.lines[1]
-    assert "The stop comes 1.250 s after the first sample." in answer.lines[1]
+    assert "The stop is 1.250 s after the first sample." in answer.lines[1]
 
 
 def test_a_log_without_a_clock_is_told_in_samples(tmp_path):
@@ -86,7 +86,7 @@ def test_a_log_without_a_clock_is_told_in_samples(tmp_path):
     angle[250:] += 1.5
     study = log_study(tmp_path / "s", angle, torque, time='{ rate = "200 Hz" }')
     (line,) = replay_file(study, tmp_path / "s" / "a.csv").lines[1:]
-    assert "At 200 Hz, which is assumed: the log has no clock" in line
+    assert "At 200 Hz (assumed, because the log has no clock)" in line
     assert "sample 250 of 400" in line
     assert "after the first sample" not in line
 
@@ -98,7 +98,7 @@ def test_the_command_line_says_whether_every_bit_is_equal(tmp_path):
     right = CliRunner().invoke(app, [*words, str(session_file(tmp_path / "a.xdf", records))])
     assert right.exit_code == 0, right.output
     assert "300 commands of 300 cycles" in right.output
-    assert "Every bit is equal." in right.output
+    assert "All commands agree in every bit." in right.output
     records["effort"][200] = np.nextafter(records["effort"][200], 9.0)
     wrong = CliRunner().invoke(app, [*words, str(session_file(tmp_path / "b.xdf", records))])
     assert wrong.exit_code == 1
@@ -112,7 +112,7 @@ def test_what_cannot_be_replayed_says_why(tmp_path):
     records = played(10)
     records["flags"] = 0
     path = session_file(tmp_path / "c.xdf", records)
-    with pytest.raises(PellucidError, match="found 10 cycles without a law"):
+    with pytest.raises(PellucidError, match="found 10 cycles without a controller"):
         replay_file(study, path)
     path = tmp_path / "s" / "study.toml"
     text = path.read_text(encoding="utf-8").replace("torque = {", "current = {").replace('"N*m" }\n[[', '"A" }\n[[')

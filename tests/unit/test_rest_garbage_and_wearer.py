@@ -242,7 +242,7 @@ def test_a_worn_robot_is_said_first_and_nothing_is_moved(make_study):
     assert warned[0].kind == "worn"
     assert "it was probably worn" in warned[0].message
     (echo,) = [fault for fault in faults if fault.kind == "echoed"]
-    assert "the samples of desired_current, 70 ms late" in echo.found or "75 ms late" in echo.found
+    assert "a copy of the command desired_current, delayed by 7" in echo.found
     assert find_alignments(study) == ()
 
 

@@ -45,7 +45,7 @@ def test_a_rough_inertia_of_a_locked_spring_is_said_to_be_rough():
         case = SimpleNamespace(level=0.95, fit=SimpleNamespace(headline=SimpleNamespace(estimate=estimate)))
         (verdict,) = joint_findings.report_wide_interval(case)
         assert verdict.kind == "warning"
-        assert verdict.text == f"Known roughly only: inertia to ± 47 % (4.7 ± 2.2 kg·m²; {why})."
+        assert verdict.text == f"Wide confidence intervals: inertia ± 47 % (4.7 ± 2.2 kg·m²; {why})."
 
 
 def test_a_pendulum_is_no_spring(make_study):

@@ -42,7 +42,7 @@ def test_an_unknown_payload_is_found_and_moves_no_other_number(tables, bare, tmp
     assert result["gravity"].value == bare["gravity"].value
     assert result.headlined.heldout_effort_error == bare.headlined.heldout_effort_error
     (verdict,) = [v for v in result.verdicts if v.finding == "unknown_payload"]
-    assert "Recording 'c' carries" in verdict.text
+    assert "The payload of recording 'c' has a weight of" in verdict.text
     assert verdict.kind == "note"
     assert any(row.id == "foreign.payload.mass.c" for row in result.rows)
 

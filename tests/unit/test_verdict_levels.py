@@ -99,6 +99,6 @@ def test_a_family_that_is_better_on_held_out_recordings_only_is_told_and_not_use
     case.fits["stribeck"] = SimpleNamespace(heldout_effort_error=8.0)
     better, usual = joint_findings.report_prediction(case)
     assert (better.kind, usual.kind) == ("note", "good")
-    assert "may not choose" in better.text
+    assert "not used to choose" in better.text
     case.fits["stribeck"] = SimpleNamespace(heldout_effort_error=9.9)
     assert [v.kind for v in joint_findings.report_prediction(case)] == ["good"]

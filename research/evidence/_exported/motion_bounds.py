@@ -87,9 +87,9 @@ def to_and_fro(values: np.ndarray, step: float) -> np.ndarray:
 BOUNDED: Mapping[str, tuple[str, Callable[[SeenMotion], np.ndarray]]] = {
     "energy that the wearer seems to give": ("J", lambda m: np.maximum(m.torque * m.velocity, 0.0)),
     "energy that the wearer seems to absorb": ("J", lambda m: np.maximum(-m.torque * m.velocity, 0.0)),
-    "energy that seems to go to and fro": ("J", lambda m: to_and_fro(m.torque * m.velocity, m.step)),
-    "torque to and fro": ("N m s", lambda m: to_and_fro(m.torque, m.step)),
-    "speed to and fro (the watch for shaking)": ("rad", lambda m: to_and_fro(m.velocity, m.step)),
+    "apparent energy of an oscillation": ("J", lambda m: to_and_fro(m.torque * m.velocity, m.step)),
+    "torque of an oscillation": ("N m s", lambda m: to_and_fro(m.torque, m.step)),
+    "speed of an oscillation (the check for shaking)": ("rad", lambda m: to_and_fro(m.velocity, m.step)),
 }
 """Bounded numbers: unit of the integral, and what is integrated."""
 

@@ -233,8 +233,8 @@ def _solved(rows: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
 def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
     """Return the responses to a robot's start-up test and probe, by replaying its starts through its control law.
 
-    The probe's answer is told of starts whose efforts are those that the law asks for on their positions, and the work
-    of the test of those whose wave is the law's.
+    The probe's response is computed from starts whose efforts agree with the commands of the law, and the work of the
+    start-up test from starts whose test wave agrees with the law's.
 
     Raises
     ------

@@ -215,7 +215,7 @@ class ControlLaw:
         time : float
             When everything was measured [s].
         *samples : float or None
-            In the order of `sensors`, SI; None, NaN or left out: the sensor says nothing.
+            In the order of `sensors`, SI; None, NaN or missing: the sensor has no valid reading.
 
         Returns
         -------

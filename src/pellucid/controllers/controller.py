@@ -104,7 +104,7 @@ def controller(
     period : float
         Between two steps [s].
     limits : Limits or None
-        What may be asked for; None: what the controller takes by itself.
+        Limits of the command; None: the defaults of the controller.
     **settings
         As the controller takes them: `slider`, where a carriage is [m]; `limb`, the wearer's segment.
 

@@ -81,8 +81,8 @@ class Instruments:
         imaginary part of each, shape (6,) [1]. None: the first movement after each start is taken for right.
 
     shaking : bool
-        Whether the power goes off where the joint goes to and fro for seconds, faster than people reach. It finds a
-        drive whose own measurement is wrong, and stops a wearer who stirs, polishes or walks.
+        Whether a sustained oscillation of the joint, faster than reaching movements, switches the power off. It detects
+        a drive whose own measurement is wrong, but also stops a wearer who stirs, polishes or walks.
 
     Raises
     ------

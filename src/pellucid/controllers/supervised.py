@@ -254,8 +254,7 @@ FORCE_WEIGHT_SHARE = 0.2
 DRIVE_TOLERANCE_SHARE = 0.05
 """Largest error of the drive's measured effort, as a share of the law's effort limit [1].
 
-It holds for a measurement with the offset and the noise that `Instruments` has if none are stated; what a stated one
-has beyond them is added."""
+It applies to a measurement with the default offset and noise of `Instruments`; larger stated values are added."""
 
 DRIVE_NOISE_FACTOR = 3.0
 """Standard deviations of the drive's noise that are added to the tolerance beyond the usual noise [1].

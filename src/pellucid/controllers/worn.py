@@ -78,8 +78,8 @@ def watched_worn(
     second encoder is on the motor, the first on the output: both differ by the twist of the spring, whose stiffness the
     instruments state. None are an output encoder alone.
 
-    Raw data, command and memory are watched. No model is held against the wearer: the strap's share of the motion is no
-    robot's. EMG may come and go, and what of its noise is in the command is no ringing. The wave of a test at start-up
+    Raw data, command and memory are checked. No model check applies to the motion, because the strap adds to it. EMG
+    may come and go, and its noise in the command does not count as ringing. The wave of a test at start-up
     would meet the spring's own torque loop. `actuator` has the drive's ``actuator_coulomb`` and
     ``actuator_inertia``, SI, for a law without these numbers; what neither has is 0.
     """

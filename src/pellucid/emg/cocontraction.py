@@ -108,7 +108,7 @@ def cocontraction(
     fs : float
         Sampling rate [Hz].
     level : float
-        Confidence level of the intervals, from blocks of time left out in turn.
+        Confidence level of the intervals, by the jackknife over blocks of time.
     moments : bool
         Whether moments are given. Both are then relative to the largest of either, so that ``.weighed`` compares
         stretches of one call alone.

@@ -1,4 +1,4 @@
-"""Electromyography: what it offers to the rest of Pellucid, as `_domains.py` describes."""
+"""Electromyography: its contributions to the rest of Pellucid, as `_domains.py` describes."""
 
 from ..study.procedures.command import PEOPLE_GROUP, Command
 from ..study.procedures.procedure import ProcedureEntry

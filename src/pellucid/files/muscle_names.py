@@ -86,8 +86,7 @@ MUSCLE_NAMES = {
     "longissimus_thoracis": ("longthor",),
     "erector_spinae": ("erectorspinae", "es", "lumbares", "errectorspinae"),
 }  # fmt: skip
-"""Ways of writing muscles' names without blanks, in lower case. Two or three letters alone need EMG's spectrum beside
-them."""
+"""Spellings of muscle names without blanks, in lower case. Two or three letters alone also need a spectrum of EMG."""
 
 SIDE_WORDS = {
     "left": ("l", "left", "lt", "li", "links", "linke", "izq", "izquierdo", "gauche", "sx", "sin", "sinister"),
@@ -126,7 +125,7 @@ class MuscleLabel:
 
 
 _DOUBTFUL_LETTERS = frozenset({"pl", "tp", "ad", "ra", "ga", "ut"})
-"""Abbreviations that name a muscle only beside a side or a word of EMG: other channels have these letters, too."""
+"""Abbreviations that name a muscle only with a side or a word for EMG: other channels have these letters too."""
 
 _DOUBTFUL_AFTER_SIDE = frozenset({"st", "so", "sm", "es"})
 """Abbreviations that form other words behind a letter of the side, such as reset and residual."""

@@ -42,7 +42,7 @@ from .shared_memory import (
 from .stream_ring import StreamRing
 
 ENGINE_NAME = "bin/pellucid-engine"
-"""Place of the engine's program beside the compiled core."""
+"""Path of the engine's program relative to the compiled core."""
 
 SETTINGS_FILE = "engine.txt"
 """File in a session's folder that holds the engine's numbers."""
@@ -69,7 +69,7 @@ END_TIMEOUT_S = 5.0
 """Longest time that a process may take to end in order."""
 
 CHILD_NAMES = ("engine", "recorder", "intake", "streams")
-"""Processes of a session beside the one that serves its pages."""
+"""Processes of a session in addition to the page server."""
 
 
 @dataclass(frozen=True)
@@ -318,7 +318,7 @@ class LiveEngine:
         return RecorderHealth("is silent" if now - heard > 1e9 * RECORDER_SILENCE_S else "")
 
     def restart_streams(self) -> None:
-        """Start again what died of the intake and of a virtual wearer's streams."""
+        """Restart the intake and the streams of a simulated wearer if they have ended."""
         alive = self.alive
         if not alive.get("intake", True):
             self._start_intake()
@@ -375,7 +375,7 @@ class LiveEngine:
         until = time.monotonic() + timeout
         while not self._has_seen(sequence):
             if time.monotonic() > until:
-                raise PellucidError(f"engine: did not see the command within {timeout:g} s; is it alive?")
+                raise PellucidError(f"engine: found no response to a command within {timeout:g} s; check its process")
             time.sleep(0.001)
 
     def _has_seen(self, sequence: int) -> bool:
@@ -453,7 +453,7 @@ class LiveEngine:
         )
 
     def set_target(self, target: float, reaction: float | None = None) -> None:
-        """Show a target [rad]; a virtual wearer reaches for it after a `reaction` [s], drawn if None."""
+        """Show a target [rad]; a simulated wearer reaches for it after a `reaction` time [s], sampled if None."""
         _, records, _ = self.region.records_since(self._felt_since)
         self._felt_since = self.region.record_count
         task = Task("reach", float(target))

@@ -35,13 +35,13 @@ RECORD_CAPACITY = 65536
 """Number of records that the region keeps: 65 s at 1 kHz."""
 
 VALUE_NAMES = ("position", "torque", "interaction", "muscle", "drive", "joint")
-"""Quantities of a record, in order: what a law may read, the drive's measured effort, and a second encoder."""
+"""Quantities of a record, in order: inputs of a control law, the measured effort of the drive, a second encoder."""
 
 MODES = ("start_up", "running", "degraded", "damped_stop", "zero", "latched")
 """What a supervisor does, in the order of the core's codes; "latched" also stands where no law runs."""
 
 TASK_KINDS = ("hold", "reach", "track", "contract", "relax")
-"""Tasks of a virtual wearer, in the order of their codes."""
+"""Tasks of a simulated wearer, in the order of their codes."""
 
 INJECTION_KINDS = ("none", "not_a_number", "frozen", "clock_ahead", "clock_back", "silent", "starved")
 """Faults that tests may put into the inputs, in the order of their codes."""
@@ -56,7 +56,7 @@ FLAG_STEPPED = 4
 """The law was stepped in this cycle."""
 
 FLAG_STOP_ASKED = 8
-"""The law was told to stop before it was stepped."""
+"""The control law received a stop request before its step."""
 
 FLAG_ADJUSTED = 16
 """A number of the law was changed before it was stepped."""
@@ -125,7 +125,7 @@ RECORD_TYPE = np.dtype(
         ("number_again", "<u8"),
     ]
 )
-"""One cycle of the engine: what was read, what was asked of the drive, and what a virtual wearer did."""
+"""One cycle of the engine: measurements, commands to the drive, and the actions of a simulated wearer."""
 
 TEXT_BYTES = EVENT_BYTES - 32
 """Largest text of an event [B]."""

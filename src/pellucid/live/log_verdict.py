@@ -1,8 +1,8 @@
-"""Hold any lab's log against the supervisor: what would have been stopped or cut, where, and with how much energy.
+"""Check any lab's log with the supervisor: stops, limited samples, and the energy delivered.
 
-The log's own torque is passed through the gate and the supervisor as if a law of ours had asked for it. The supervisor
-needs a clock for speeds and rates. A log without one is judged at several assumed rates, and each verdict says its own;
-the energy needs none, for it is the integral of torque over angle.
+The log's torque passes through the gate and the supervisor as if a control law of Pellucid had commanded it. The
+supervisor needs a clock for speeds and rates. A log without a clock is checked at several assumed rates, which each
+verdict states. The energy needs no clock, because it is the integral of torque over angle.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..controllers.supervisor_faults import NO_FAULT
 from . import layout
 
 ASSUMED_RATES_HZ = (50.0, 100.0, 200.0, 500.0, 1000.0)
-"""Rates at which a log without a clock is judged: those of published controllers of wearable robots."""
+"""Assumed rates for a log without a clock: those of published controllers of wearable robots."""
 
 RESPONSE_WORDS = ("a damped stop", "no power")
 """What a supervisor does when it stops."""
@@ -50,19 +50,19 @@ class LogVerdict:
 
     def sentence(self) -> str:
         """Return the verdict in sentences."""
-        rate = f"{self.rate:g} Hz" + (", which is assumed: the log has no clock" if self.is_rate_assumed else "")
+        rate = f"{self.rate:g} Hz" + (" (assumed, because the log has no clock)" if self.is_rate_assumed else "")
         if self.stopped_at is None:
             said = f"At {rate}, the supervisor would not have stopped any of the {self.samples} samples."
         else:
             said = (
                 f"At {rate}, the supervisor would have stopped at sample {self.stopped_at} of {self.samples}: "
-                f'"{self.fault}", answered by {self.response}.'
+                f'fault "{self.fault}", response {self.response}.'
             )
-        said += f" The torque gave {self.energy_before:.3g} J to the person"
+        said += f" The torque delivered {self.energy_before:.3g} J to the person"
         said += " in the whole log" if self.stopped_at is None else f" before, and {self.energy_after:.3g} J after"
-        said += f"; the largest gift between two samples was {self.largest_gift:.3g} J."
+        said += f"; at most {self.largest_gift:.3g} J between two samples."
         if self.cut:
-            said += f" The gate would have cut {self.cut} samples, the first at {self.first_cut}."
+            said += f" The gate would have limited {self.cut} samples, the first at {self.first_cut}."
         return said
 
 
@@ -115,7 +115,7 @@ def judge_log(
     instruments: Instruments | None = None,
     supervision: Mapping[str, float] | None = None,
 ) -> list[LogVerdict]:
-    """Say what gate and supervisor would have made of a log's torque.
+    """Return the response of gate and supervisor to a log's torque.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def judge_log(
     limits : Limits
         Limits that the gate would have had.
     time : ndarray, shape (n,), optional
-        [s]; left out, the log is judged once at each of the `rates`.
+        Sample times [s]; without them, the log is checked once at each of the `rates`.
     rates : sequence of float
         Assumed rates [Hz].
     instruments : Instruments or None

@@ -307,7 +307,7 @@ MIN_UNFINISHED_AGE_S = 2.0
 """A file that grew within this time may still have a recorder, which appends 50 times a second."""
 
 NOTE_ENDING = ".about.json"
-"""Ending of the note that stands beside a trial's file until it is sealed."""
+"""Ending of the note that accompanies a trial's file until it is sealed."""
 
 
 def seal_unfinished(recordings: Path, run_folder: Path) -> list[str]:
@@ -335,7 +335,7 @@ def seal_unfinished(recordings: Path, run_folder: Path) -> list[str]:
             said.append(f"{path}: not sealed: {error}")
             continue
         if path.stat().st_size != before:
-            said.append(f"{path}: its recorder was stopped; sealed, {removed} bytes of an incomplete chunk left out")
+            said.append(f"{path}: the recorder had stopped; sealed without {removed} bytes of an incomplete chunk")
         if path in trials:
             trials[path].unlink(missing_ok=True)
     return said

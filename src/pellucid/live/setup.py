@@ -61,7 +61,7 @@ class Condition:
         """
         names = [] if self.law is None else list(LAWS[self.law.kind].defaults)
         if name not in names:
-            raise PellucidError(f'condition "{self.name}": its law has no number "{name}"')
+            raise PellucidError(f'condition "{self.name}": its control law has no parameter "{name}"')
         return names.index(name)
 
 
@@ -76,7 +76,7 @@ class DeviceNumbers:
 
 @dataclass(frozen=True)
 class Task:
-    """What a virtual wearer is asked to do next, SI."""
+    """The next task of a simulated wearer, SI."""
 
     kind: str  # one of `layout.TASK_KINDS`
     target: float = 0.0  # [rad]
@@ -89,7 +89,7 @@ class Task:
 
 
 class WearerPlan(Protocol):
-    """How a virtual wearer decides a movement."""
+    """Planner of a simulated wearer's movements."""
 
     def reach(self, target: float, position: float, felt: Mapping[str, np.ndarray], worn: bool) -> Task:
         """Return the movement to a target [rad] from a position [rad]; `felt` are the samples since the last one."""
@@ -98,7 +98,7 @@ class WearerPlan(Protocol):
 
 @dataclass(frozen=True)
 class StreamsProgram:
-    """A program that sends a virtual wearer's streams: it is started with the region's path and its options as JSON."""
+    """A program that sends a simulated wearer's streams; its arguments are the region's path and options as JSON."""
 
     module: str
     options: Mapping[str, Any]
@@ -117,9 +117,9 @@ class EngineSetup:
     seed : int
         Seed of a virtual wearer.
     wearer : WearerPlan or None
-        How a virtual wearer decides a movement; None where a person moves.
+        Planner of a simulated wearer's movements; None if a person moves.
     streams : StreamsProgram or None
-        What sends a virtual wearer's EMG, markers and encoder; None where there is none.
+        Program that sends a simulated wearer's EMG, markers and encoder; None without one.
     stream_types : tuple of str
         Types of the streams that are taken in, as the lab streaming layer names them.
     stream_names : tuple of str

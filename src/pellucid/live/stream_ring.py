@@ -114,7 +114,7 @@ class StreamRing:
         cls, region: Path, index: int, *, name: str, type: str, source: str, rate: float,
         labels: Sequence[str], units: Sequence[str],
     ) -> StreamRing:  # fmt: skip
-        """Make the ring of the stream with this index beside a region, and return it."""
+        """Create and return the ring of the stream with this index, in the folder of a region."""
         path = region.with_name(f"{region.name}.{index}.stream")
         said = {
             "name": name,
@@ -141,7 +141,7 @@ class StreamRing:
 
     @staticmethod
     def all_of(region: Path) -> list[StreamRing]:
-        """Return the rings beside a region, in the order in which their streams were found."""
+        """Return the rings in the folder of a region, in the order in which their streams were found."""
         return [StreamRing(path) for path in sorted(region.parent.glob(f"{region.name}.*.stream"))]
 
     @property

@@ -44,7 +44,7 @@ def packet_sum(data: bytes) -> int:
 
 
 def pack_reading(sequence: int, time_us: int, values: Mapping[str, float]) -> bytes:
-    """Return the datagram of a reading; quantities that are left out are not valid.
+    """Return the datagram of a reading; missing quantities are marked as not valid.
 
     Parameters
     ----------

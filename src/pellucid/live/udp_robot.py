@@ -1,4 +1,4 @@
-"""A robot behind a network that is commissioned: what it reads and is asked, by the packets of a live session."""
+"""A robot to be commissioned over a network: its readings and commands, in the packets of a live session."""
 
 from __future__ import annotations
 

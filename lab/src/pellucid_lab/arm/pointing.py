@@ -131,7 +131,7 @@ class PointingBlock:
     stopped: bool  # whether a law's gate or an arm thrown off its plan ended it; `movements` are those before
 
     def mean(self, what: str, *, upward: bool | None = None, fast: bool | None = None, skip: int = 0) -> float:
-        """Return the mean of a field over the movements of a kind, the first `skip` left out; NaN if there is none."""
+        """Return the mean of a field over the movements of a kind except the first `skip`; NaN if there is none."""
         own = [
             getattr(m, what)
             for m in self.movements[skip:]

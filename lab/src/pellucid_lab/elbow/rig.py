@@ -33,7 +33,7 @@ WEIGHING_STEP_KG = 0.005
 COMMENTS = {
     "": "A virtual elbow exoskeleton, recorded like a real one. Its study has the form of a"
     "\nmachine's.",
-    "rig.moving_mass": "an upper limit: what the forearm with its carriage may weigh",
+    "rig.moving_mass": "an upper limit of the mass of the forearm with its carriage",
     "rig.slider": "a carriage on the forearm; clamped at one place during each recording",
     "rig.slider.mass": "taken off and weighed",
     "rig.instruments": "what the supervisor of an exported controller may rely on",

@@ -388,7 +388,7 @@ def identify_tree(
     terms: Sequence[str] = FURTHER_TERMS + FURTHER_MOTOR_TERMS,
     ripple: bool = True,
 ) -> TreeIdentification:
-    """Identify a robot from `motions`, and test it on held-out motions `judged`.
+    """Identify a robot from `motions`, and test it on the held-out motions of the argument `judged`.
 
     `width` is the velocity width of friction's smooth sign [rad/s; m/s]. `leave_out` adds cross-validation over
     segments. `terms` are the candidate friction terms of the joints. `ripple` adds a search for drive ripple.

@@ -147,9 +147,9 @@ def protect_wearer(
 ) -> ControllerValues:
     """Return the control law with a supervisor that checks its drive by a measurement or by a probe.
 
-    `probe` is what a caller asks for; None: what the instruments say, and where they say nothing, a probe if the drive
-    is not measured and a wave that the encoder can resolve is small enough. `unmeasured` accepts that a probe is
-    refused and nothing is measured. Errors begin with `place`.
+    `probe` is the choice of the caller. None: as the instruments state, and otherwise a probe if the drive is not
+    measured and a wave that the encoder can resolve is small enough. `unmeasured` accepts a drive without measurement
+    and probe. Errors begin with `place`.
     """
     instruments, spring = values.instruments, LAWS[values.law].drives_spring
     asked = instruments.probe if probe is None else probe

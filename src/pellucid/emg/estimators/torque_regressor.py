@@ -223,7 +223,7 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         y : array_like, shape (n,)
             Torque [N m].
         groups : array_like, shape (n,), optional
-            Repetition, trial or person of each row. Rows of one group are left out together while settings are chosen,
+            Repetition, trial or person of each row. Rows of one group are held out together while settings are chosen,
             and groups are weighed so that those with the largest torques do not decide. Published methods weigh none.
 
         Returns

@@ -447,7 +447,7 @@ def emg_chain(
     lowpass : float, optional
         Cut-off of the envelope's low-pass [Hz].
     rms_window : float, optional
-        Length of a window whose root mean square is the envelope [s], in place of a low-pass.
+        Length of a window whose root mean square is the envelope [s], instead of a low-pass.
 
     Returns
     -------

@@ -17,7 +17,7 @@ Samples of EMG are alike for :math:`\kappa = \sum_k \rho_k^2` of them, so that m
    \ell(t_0, r, p, \sigma_0, \sigma_1) = -\frac{1}{\kappa} \sum_n \Big(\log\sigma_n + \frac{x_n^2}{2\sigma_n^2}\Big),
    \qquad \sigma_n^2 = \sigma_0^2 + (\sigma_1^2 - \sigma_0^2)\,\mathrm{clip}\Big(\frac{t_n - t_0}{r}, 0, 1\Big)^p.
 
-The profile of this likelihood over r, p and both deviations is largest at the onset. The interval holds every
+The profile of this likelihood over r, p and both deviations is largest at the onset. The interval contains every
 :math:`t_0` whose profile lies within half the quantile of :math:`\chi^2_2` of the largest: the joint confidence region
 of onset and rise. A sum over r and p would favour slow rises, which many :math:`t_0` fit a little. :math:`\kappa` has
 two lower bounds from energies over 50 ms. One is the burst's own, which varies more than Gaussian samples if few motor

@@ -333,7 +333,7 @@ def _restarts(values: Mapping[str, np.ndarray | str], codes: np.ndarray) -> bool
 
 
 def _units_of_labels(words: Mapping[str, Words], codes: np.ndarray, labels: Sequence[str]) -> dict[str | int, str]:
-    """Return the unit that a column of units beside the labels has in all rows of each label, by the label."""
+    """Return the unit of each label, from a column of units that is constant for every label."""
     found: dict[str | int, str] = {}
     for column, own in words.items():
         if column.rpartition(".")[2].casefold() not in ("unit", "units"):

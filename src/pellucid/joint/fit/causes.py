@@ -138,8 +138,8 @@ def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpri
 def _needs_spring(stretches: LeftOutStretches, position: Sequence[np.ndarray]) -> bool:
     """Whether a spring alone explains most of the error that all neglected effects together explain.
 
-    Over a moderate range of angles, many columns make what one stiffness makes. Without the term, gravity would take it
-    in. With it, what the other effects leave open of the stiffness widens the intervals (`spring_doubt`).
+    Over a moderate range of angles, many columns resemble one stiffness. Without the term, the estimate of gravity
+    would include it. With the term, the uncertainty of the stiffness widens the intervals (`spring_doubt`).
     """
     turning = stretches.columns(lambda m: reversal_pulses(m, m.velocity))
     saved, p_value = stretches.saved_beside(position, [*turning, *_gap_columns(stretches)])

@@ -160,7 +160,7 @@ def estimate_load(
     Parameters
     ----------
     body : mapping of str to float
-        The robot without the load, by the core's names of a joint, SI; numbers that are left out are 0.
+        The robot without the load, by the core's names of a joint, SI; missing parameters are 0.
     empty : sequence of Lift
         Lifts without the load, at least three.
     loaded : Lift

@@ -339,10 +339,10 @@ SPLIT_SUFFIXES = (("_positive", "_negative", ""), ("_motoring", "_generating", "
 def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -> dict[str, bool]:
     """Return the terms of an estimate that a simpler family lacks, and whether each is identified.
 
-    `simpler` are the parameters of the simpler family. A term is identified at `level` if it is told from 0. If the
+    `simpler` are the parameters of the simpler family. A term is identified at `level` if it differs from 0. If the
     simpler family has one term for both directions, the difference between the directions counts. A parameter that
-    shapes a friction curve is no term: at 0 and at any other value, the curve may be absent. What a term spreads
-    between recordings is no doubt that it is there.
+    shapes a friction curve is not a term, because the curve may be absent at any of its values. The variation of a term
+    between recordings does not count against it.
     """
     names, added = [p.name for p in estimate.parameters], {}
     from scipy.special import ndtri  # SciPy takes a third of a second to load, and `check` chooses no family

@@ -1,7 +1,7 @@
-r"""What a spring beside the drive leaves open: how far it may have moved the other parameters of a joint.
+r"""Uncertainty of a joint's parameters from an undetected spring in parallel to the drive.
 
-Over a small range of angles the effort of a spring, k q, is nearly that of gravity. Recordings then show their sum, and
-not each. The stiffness is estimated beside all friction that a family may lack, without samples near standstill, with
+Over a small range of angles the effort of a spring, k q, is nearly that of gravity. Recordings then show only their
+sum. The stiffness is estimated together with all friction that a family may lack, without samples near standstill, with
 its standard error s. Where the model has no spring, a stiffness of N(0, \kappa^2) is expected of hoses, cables and
 skin. With the estimate :math:`\hat k` its second moment is
 

@@ -292,7 +292,7 @@ class Alignment:
                 f"{d.doubt}. The recordings do not prove a delay, and the channel was not shifted."
             )
         if not (self.moved or self.recording):
-            said = f"The delay of {self.channel} relative to position does not differ from 0 ({interval})."
+            said = f"The recordings do not prove a delay of {self.channel} relative to position ({interval})."
             return said if self.asked else ""
         first, second = (self.channel, "position") if d.value > 0.0 else ("position", self.channel)
         if d.lag:

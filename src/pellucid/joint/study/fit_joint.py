@@ -195,7 +195,7 @@ class JointFit(JointEstimate):
         Parameters
         ----------
         name : str
-            Name on the card, in place of a study's name.
+            Name on the card instead of a study's name.
         lifts : str
             Effect of positive motion, in words.
 
@@ -264,7 +264,7 @@ def fit_joint(
     velocity : array_like, shape (n,) or (n, 1), or sequence of array_like, optional
         Recorded velocity [rad/s or m/s], which takes the place of the derivative of the position.
     held_out : float, int, str, sequence of int or str, or one or several tables, optional
-        Recordings that are predicted and judged, and never fitted. Further recordings are tables, or a tuple of the
+        Held-out recordings, which test the model and are never fitted. Further recordings are tables, or a tuple of the
         arrays (time, position, effort). Numbers from 0 or names select some of the given recordings. A share holds out
         the last recordings, or the last samples of a single recording.
     friction : str or sequence of str
@@ -280,7 +280,7 @@ def fit_joint(
     resample : float or str, optional
         Uniform rate for interpolation before filtering [Hz], if the clock jitters.
     dead_band : float or str
-        Speed below which samples are left out [rad/s or m/s], because a sticking joint does not show its friction.
+        Speed below which samples are excluded [rad/s or m/s], because a sticking joint does not show its friction.
     trim : int, optional
         Number of samples dropped at either end; two periods of `lowpass` by default.
     delay : float or str, optional
@@ -302,7 +302,7 @@ def fit_joint(
     confidence : float
         Confidence level of the intervals.
     thorough : bool
-        Whether weighted, robust and output-error estimates and simulations are made beside least squares.
+        Whether to add weighted, robust and output-error estimates and simulations to least squares.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""A session from consent to report: what comes next, who may ask for what, and what both pages are told.
+"""A session from consent to report: its phases, the allowed actions of each role, and the state shown on both pages.
 
 The session is stepped by the server's loop and knows no socket. It never carries the law's input: it tells the engine
 which law to run, which target there is, and when to record.
@@ -107,7 +107,7 @@ STREAM_LOOK_INTERVAL_S = 0.5
 """Time between two looks at the streams [s]: a look opens their files."""
 
 MIN_TOLD_GAP_S = 0.004
-"""A gap between two cycles of at least this length is named beside a fault of old samples [s]."""
+"""Smallest gap between two cycles that is reported with a fault of old samples [s]."""
 
 STALE_FAULT = "stale"
 """The supervisor's name for samples that are too old, or come after a gap."""
@@ -143,7 +143,7 @@ class Fault:
 
 @dataclass
 class Attempt:
-    """The trial that is prepared, runs, or has just been judged."""
+    """The trial that is prepared, is running, or has just been checked."""
 
     trial: PlannedTrial
     number: int
@@ -291,7 +291,7 @@ class LiveSession:
             self._tell(f"{self.pages[role]} operator's pages are open; each of them controls the session")
 
     def page_closed(self, role: str, *, heard: float | None = None, is_silent: bool = False) -> None:
-        """Count a page that is gone, or does not answer.
+        """Count a page that was closed or does not respond.
 
         Parameters
         ----------
@@ -322,7 +322,7 @@ class LiveSession:
 
     def _consent(self, value: float | None) -> str:
         if self.phase != Phase.consent:
-            return "consent is not asked for now"
+            return "consent can be given only at the start of a session"
         text = [part[: MAX_MARKED_CHARACTERS // 4] for part in self.table.consent[:4]]
         self.engine.mark("consent", {"participant": self.participant, "text": text})
         self.phase = Phase.instructions
@@ -330,7 +330,7 @@ class LiveSession:
 
     def _ready(self, value: float | None) -> str:
         if self.phase != Phase.instructions:
-            return "there is nothing to be ready for now"
+            return "readiness can be confirmed only while instructions are shown"
         trial = self.trial
         if trial is not None:
             self.shown_instructions.add(trial.task.name)
@@ -340,13 +340,13 @@ class LiveSession:
     def _start(self, value: float | None) -> str:
         trial = self.trial
         if self.phase != Phase.waiting or trial is None:
-            return f"a trial can start once it is waited for; now: {self.phase}"
+            return f"a trial can start only in the phase waiting; the present phase is {self.phase}"
         if self._state.is_lost:
             return self._state.words
         if self.is_stopped:
             return "the robot is stopped; reset it first"
         if self.missing_streams:
-            return f"the stream {self.missing_streams[0]} is not heard; [session] streams asks for it"
+            return f"the stream {self.missing_streams[0]} is not received, but [session] streams requires it"
         if self.pages["participant"] == 0 and not self.unattended:
             return "the participant's page is not open; open it first"
         if why := self._obstacle(self.clock()):
@@ -401,12 +401,12 @@ class LiveSession:
         if self.phase in ARMED_PHASES and self.attempt is not None:
             self.attempt.stopped = True
         if self._state.is_lost:
-            return f"{self._state.words}: it does not answer the stop; take the robot's power off by its own switch"
+            return f"{self._state.words}: it does not respond to the stop; switch off the robot's power"
         return ""
 
     def _reset(self, value: float | None) -> str:
         if self._state.is_lost:
-            return "the engine does not answer, so that nothing can be reset"
+            return "the engine does not respond, so that a stop cannot be reset"
         if not self.is_stopped:
             return "there is no stop to reset"
         self._resetting = True
@@ -424,7 +424,7 @@ class LiveSession:
         limit = self.table.limits.slider
         torque = float(np.clip(value, -limit, limit))
         if self.phase != Phase.running or self.attempt is None or not isinstance(self.attempt.task, RunningHolding):
-            return "the slider asks for a torque only while an angle is held"
+            return "the slider commands a torque only while an angle is held"
         self.slider = torque
         self.attempt.task.set_by_hand(torque, self.table.limits.slider_rate)
         return ""
@@ -451,7 +451,7 @@ class LiveSession:
         if not (runs and there):
             self._at_angle_since = None
             if now - attempt.begun > PREPARATION_LIMIT_S:
-                what = "the law did not start" if not runs else "the person did not come to the first angle"
+                what = "the controller did not start" if not runs else "the participant did not reach the first angle"
                 self._tell(what)
                 self.phase, self.attempt = Phase.waiting, None
             return
@@ -683,7 +683,7 @@ class LiveSession:
         """Tell when the engine falls silent, and when it goes on."""
         if self._state != SILENT:
             if self._silent_since is not None:
-                self._tell(f"the engine goes on after {now - self._silent_since:.2f} s")
+                self._tell(f"the engine continues after {now - self._silent_since:.2f} s")
             self._silent_since = None
         elif self._silent_since is None:
             self._silent_since = now
@@ -705,7 +705,7 @@ class LiveSession:
             try:
                 self.engine.restart_recorder()
             except (PellucidError, OSError) as error:
-                self._tell(f"the recorder could not be started again: {error}")
+                self._tell(f"the recorder could not be restarted: {error}")
 
     def _why_stopped(self, fault: str) -> str:
         """Return what this computer did where it, and not robot or person, made the supervisor stop."""
@@ -717,7 +717,7 @@ class LiveSession:
         if fault == STALE_FAULT and gap > MIN_TOLD_GAP_S:
             return f" (the engine did not run for {1e3 * gap:.0f} ms: this computer is too busy)"
         if fault == STOPPED_FAULT and not self._stop_asked:
-            return f" (this program gave no sign of life for {SESSION_TIMEOUT_S:g} s: this computer is too busy)"
+            return f" (this program did not respond for {SESSION_TIMEOUT_S:g} s: this computer is too busy)"
         return ""
 
     def _read(self, now: float) -> None:
@@ -774,9 +774,9 @@ class LiveSession:
         heard = self.engine.heard_streams()
         missing = tuple(n for n in self.table.streams if n not in heard or heard[n].silent_s > MAX_STREAM_SILENCE_S)
         for name in [each for each in missing if each not in self.missing_streams]:
-            self._tell(f"the stream {name} fell silent")
+            self._tell(f"the stream {name} stopped sending")
             if self.phase == Phase.running and self.attempt is not None and not self.attempt.interrupted:
-                self.attempt.interrupted = f"the stream {name} fell silent during the trial"
+                self.attempt.interrupted = f"the stream {name} stopped sending during the trial"
         self.missing_streams = missing
         for name, stream in heard.items():
             counts = (stream.clock.jumps, stream.clock.batches, stream.clock.lost)
@@ -785,7 +785,7 @@ class LiveSession:
             if counts[0] > jumps:
                 self._tell(f"the clock of the stream {name} jumped, {counts[0]} times so far")
             if counts[1] > 0 and batches == 0:
-                self._tell(f"the stream {name} sends batches of samples with one time")
+                self._tell(f"the stream {name} sends batches of samples with the same time")
             if counts[2] > lost:
                 self._tell(f"the stream {name} lost {counts[2] - lost} samples")
 
@@ -888,7 +888,7 @@ class LiveSession:
 
     @property
     def urgent(self) -> tuple[object, ...]:
-        """What the operator's page is told at once when it changes."""
+        """State that is sent to the operator's page as soon as it changes."""
         engine = self._state, self._armed, self._recorder_problem, self.is_stopped
         return self.phase, *engine, len(self.faults), *self.pages.values()
 

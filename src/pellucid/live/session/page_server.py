@@ -37,7 +37,7 @@ SAMPLES_INTERVAL_S = 0.05
 """Time between two packets of samples to the operator's page [s]."""
 
 STATE_INTERVAL_S = 0.2
-"""Time between two states that the operator's page is told [s]."""
+"""Interval at which the state is sent to the operator's page [s]."""
 
 HEALTH_INTERVAL_S = 0.5
 """Time between two accounts of the engine's cycles and of clocks [s]."""
@@ -64,7 +64,7 @@ PING_INTERVAL_S = 0.1
 """Time between two pings to a program that is connected as an operator and sends no signs of life [s]."""
 
 MAX_QUEUED_BYTES = 4_000_000
-"""A page that falls behind by more than this is left out until it has caught up [B]."""
+"""Largest backlog of a page; beyond it, the page receives no more data until it has caught up [B]."""
 
 SHOWN_LATENESS_S = (8e-6, 2e-2)
 """The histogram of the operator's page reaches from here to there [s]."""
@@ -118,7 +118,7 @@ class Client:
 
 
 class PageServer:
-    """Serves a session's pages until it is told to stop.
+    """Server of a session's pages, which runs until it is stopped.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class PageServer:
     port : int
         0 takes a free one.
     token : str, optional
-        Secret that pages must know; drawn if left out.
+        Secret that pages must know; by default a random one.
     """
 
     def __init__(self, session: LiveSession, port: int = 0, token: str | None = None):
@@ -185,10 +185,10 @@ class PageServer:
         except ValueError:
             is_plain = False
         if not is_plain:
-            return self._refuse(connection, HTTPStatus.BAD_REQUEST, "found an address or a header that makes no sense")
+            return self._refuse(connection, HTTPStatus.BAD_REQUEST, "found an invalid address or header")
         hosts = {f"{HOST_ADDRESS}:{self.port}", f"localhost:{self.port}"}
         if only(request.headers.get_all("Host")) not in hosts:
-            return self._refuse(connection, HTTPStatus.FORBIDDEN, "this server answers to this computer's name alone")
+            return self._refuse(connection, HTTPStatus.FORBIDDEN, "this server accepts local requests only")
         told = query.get("token", [""])[0]
         known = secrets.compare_digest(told.encode("utf-8", "surrogatepass"), self.token.encode())
         if parts.path.startswith("/socket/"):
@@ -300,9 +300,9 @@ class PageServer:
             self.session.page_opened(client.role)
 
     def _watch_operators(self, now: float) -> None:
-        """Tell the session which operator's pages do not answer; programs without a pulse are pinged.
+        """Report to the session which operator's pages do not respond, and ping programs without a heartbeat.
 
-        After a pause of this program nothing is judged: signs of life may wait to be read.
+        After a pause of this program, pages are not checked, because their heartbeats may still be unread.
         """
         paused, self._watched = now - self._watched > 0.5 * PAGE_SILENCE_S, now
         for client in [c for c in self.clients if c.role == "operator"]:
@@ -466,7 +466,7 @@ def read_message(text: str | bytes) -> PageMessage:
         content = None
     kind = content.get("type") if isinstance(content, dict) else None
     if not isinstance(kind, str):
-        raise PellucidError("found no message of this server's pages, expected an object of JSON with a type")
+        raise PellucidError("found an unknown message, expected a JSON object with a type")
     return PageMessage(kind, content)
 
 

@@ -167,7 +167,7 @@ def recorded_names(study: Study) -> set[str]:
 
 
 TORQUE_CHANNELS = ("command", "torque", "interaction")
-"""Channels of a log that may be what its robot was asked for; the first one that it has is judged."""
+"""Channels of a log that may contain the commanded torque, in order of preference."""
 
 LOG_NAME = "log"
 """Name of a log's recording while it is read."""
@@ -218,15 +218,15 @@ def replay_file(study: Study, file: str | os.PathLike) -> ReplayAnswer:
 
 def _replay_answer(path: Path, found: Replay) -> ReplayAnswer:
     if found.compared == 0:
-        raise PellucidError(f"{path}: found {found.cycles} cycles without a law, expected some in which one ran")
-    lines = [f"{found.compared:,} commands of {found.cycles:,} cycles were computed again."]
+        raise PellucidError(f"{path}: found {found.cycles} cycles without a controller, expected some with one")
+    lines = [f"{found.compared:,} commands of {found.cycles:,} cycles were recomputed."]
     if found.wrong_bits:
         lines.append(f"{found.wrong_bits:,} bits differ, the first in cycle {found.first_wrong}.")
     else:
-        lines.append("Every bit is equal.")
+        lines.append("All commands agree in every bit.")
     if found.gaps or found.unknown:
         lines.append(
-            f"{found.gaps} times records are missing; {found.unknown:,} commands after them were not computed again."
+            f"Records are missing at {found.gaps} places; {found.unknown:,} commands after them were not recomputed."
         )
     return ReplayAnswer(tuple(lines), found.is_equal)
 
@@ -243,7 +243,7 @@ def _log_answer(study: Study, path: Path) -> ReplayAnswer:
     else:
         rate = 1.0 / float(np.median(np.diff(times)))
         verdicts = judge_log(positions, torques, limits=limits, rates=(rate,))
-    lines = [f"{path.name}: the channel {torque} over {angle}, under {said}."]
+    lines = [f"{path.name}: channel {torque} against {angle}, with {said}."]
     return ReplayAnswer((*lines, *(_sentences(each, times) for each in verdicts)), True)
 
 
@@ -252,7 +252,7 @@ def _sentences(verdict: LogVerdict, times: np.ndarray) -> str:
     said = verdict.sentence()
     if verdict.stopped_at is None or verdict.is_rate_assumed:
         return said
-    return f"{said} The stop comes {times[verdict.stopped_at] - times[0]:.3f} s after the first sample."
+    return f"{said} The stop is {times[verdict.stopped_at] - times[0]:.3f} s after the first sample."
 
 
 def _recording_of(study: Study, path: Path) -> Recording:
@@ -273,7 +273,7 @@ def _angle_channel(study: Study, recording: Recording, path: Path) -> str:
 
 
 def _torque_channel(recording: Recording, path: Path) -> str:
-    return _first_channel(recording, TORQUE_CHANNELS, path, "what the robot was asked for")
+    return _first_channel(recording, TORQUE_CHANNELS, path, "the commanded torque")
 
 
 def _first_channel(recording: Recording, expected: tuple[str, ...], path: Path, what: str) -> str:
@@ -288,7 +288,7 @@ def _first_channel(recording: Recording, expected: tuple[str, ...], path: Path, 
 
 
 def _stated_limits(study: Study) -> tuple[Limits, str]:
-    """Return the limits of the study and a text that names them; what is not stated has its default."""
+    """Return the limits of the study, with defaults for unstated ones, and a text that names them."""
     given, session = study.rig.limits, study.config.session
     stated: dict[str, Any] = {
         "effort": session.limits.effort if session is not None and session.limits.effort else given.effort,
@@ -303,4 +303,4 @@ def _stated_limits(study: Study) -> tuple[Limits, str]:
     said += f" and {low:.3g} to {high:.3g} rad"
     unstated = [name for name, value in stated.items() if value is None]
     unstated += [] if None not in (given.position_min, given.position_max) else ["position"]
-    return limits, said + (f" ({', '.join(unstated)} by default: [rig.limits] does not say)" if unstated else "")
+    return limits, said + (f" ({', '.join(unstated)} by default, not stated in [rig.limits])" if unstated else "")

@@ -87,7 +87,7 @@ def live(
     folder : path-like
         Folder of a study with a table ``[session]``.
     participant : str, optional
-        Who takes part; the first one of ``[participants]`` with trials to do if left out.
+        The participant; by default the first one of ``[participants]`` with trials left to record.
     port : int
         Port of the pages on this computer; 0 takes a free one.
     unattended : bool
@@ -116,7 +116,7 @@ def live(
     table = _session_of(study)
     if unattended and not table.device.startswith(VIRTUAL_DEVICE_PREFIX):
         raise StudyError(
-            f"live: found the device {table.device}, expected a virtual one for a session without a person"
+            f"live: found the device {table.device}, expected a simulated one for an unattended session"
         )
     participant, plan, left = choose_participant(study, participant)
     make = start_device if engine is None else engine
@@ -184,7 +184,7 @@ def choose_participant(
         if left:
             return each, plan, left
     who = "every participant" if participant is None else participant
-    raise StudyError(f"{study.folder}: found all trials of {who} recorded, expected some that are still to do")
+    raise StudyError(f"{study.folder}: found all trials of {who} recorded, expected some that are not")
 
 
 def start_device(study: Study, plan: Sequence[PlannedTrial]) -> Any:
@@ -197,7 +197,7 @@ def start_device(study: Study, plan: Sequence[PlannedTrial]) -> Any:
     if table.device not in devices:
         raise StudyError(
             f'{study.folder}: [session] device: found "{table.device}", expected one of '
-            f"{', '.join(devices) or 'those of an installed package; the virtual ones need pellucid-lab'}"
+            f"{', '.join(devices) or 'those of an installed package; simulated devices need pellucid-lab'}"
         )
     place = list(study.config.participants).index(plan[0].participant)
     laws = tuple(dict.fromkeys(table.conditions.values()))
@@ -221,8 +221,8 @@ def require_limits(session: LiveSession) -> None:
     stated, runs = session.table.limits.effort, session.engine.status().effort_limit
     if stated is not None and runs > stated:
         raise StudyError(
-            f"[session.limits] effort: found {stated:g} N*m, and a law that may command {runs:g} N*m; expected the "
-            "law's limit to be no larger: lower it in [rig.limits] and build the law again"
+            f"[session.limits] effort: found {stated:g} N*m, but the controller may command {runs:g} N*m; expected a "
+            "controller with at most this effort: lower it in [rig.limits] and build the controller again"
         )
 
 
@@ -234,7 +234,7 @@ def evaluate(study: Study, tell: Progress = quiet) -> tuple[Path | None, list[st
     notes = []
     commands = (*dict.fromkeys(procedure.command for procedure in asked(study)), "report")
     for i, command in enumerate(commands):
-        tell(f"the session is over and is evaluated: {command}", i / len(commands))
+        tell(f"evaluation of the session: {command}", i / len(commands))
         try:
             made = subprocess.run(
                 [sys.executable, "-m", "pellucid", command, str(study.folder)],

@@ -1,9 +1,9 @@
-"""Indices that run along with a session, and what a certificate could say by now.
+"""Indices during a session, and the provisional verdict of a certificate.
 
 The indices of the finished trials are those of `assess`: the same functions measure all trials of a person together,
 and compare movements that every condition has. EMG waits for `assess`, which needs every trial of a person for its
-scale. What is said here takes periods and carry-over into account, but no doubts (learning, what was left out), so that
-it never replaces the certificate.
+scale. The provisional verdict takes periods and carry-over into account, but neither learning nor excluded trials, so
+that it never replaces the certificate.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class RunningVerdict:
             more = f"about {self.more} more {'person' if self.more == 1 else 'people'}"
             words, step = f"{words}, {more}", Step(f"Record {more}")
         said = f"{words}; {who}{f' ({self.why})' if self.why else ''}"
-        reason = "" if verdict == "yes" else self.why or f"the end points of {who} do not show it"
+        reason = "" if verdict == "yes" else self.why or f"the endpoints of {who} do not show it"
         basis = Basis(self.people, self.people, "participant")
         return Answer(f"Is {self.condition.replace('_', ' ')} transparent?", verdict, said, reason, basis=basis,
                       next=(step,))  # fmt: skip
@@ -81,7 +81,7 @@ class RunningIndices:
     _along: str = "rad"
 
     def add(self, recording: Recording) -> int:
-        """Take a trial; return how many movements were found. A trial that `assess` would leave out is left out."""
+        """Add a trial and return its number of movements; trials that `assess` would exclude are excluded."""
         try:
             records, _ = usable_records([recording], self.spec)
             found = sum(len(record.movements(with_rule(self.spec))[1]) for record in records)
@@ -161,7 +161,7 @@ class RunningIndices:
             tables[name] = table
         both = [person for person in kept if all(person in table.participants for table in tables.values())]
         if len(both) < 2:
-            return RunningVerdict(condition, "cannot say yet", len(both), None, "two people are the least")
+            return RunningVerdict(condition, "cannot say yet", len(both), None, "at least two people are required")
         order = session_order([record.recording for record in self._records.values()])
         missing = len({*people, *analysis.excluded}) - len(both)
         more = None

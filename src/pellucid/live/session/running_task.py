@@ -1,14 +1,14 @@
-"""The tasks of a session while they run: what is asked now, whether it is done, and what the participant's page shows.
+"""The tasks of a running session: the present request, whether it is completed, and the participant's screen.
 
-A task is told the time and what was measured, and answers what a screen shows. It knows neither engine nor page, so
-that tests run it on made-up motion. What it asks of the virtual wearer is an `Ask`; a real person sees the screen.
+A task receives the time and the measurements and returns the contents of the screen. It knows neither engine nor page,
+so that tests can run it on made-up motion. A simulated wearer receives an `Ask`; a real participant sees the screen.
 
-The torque on the robot, estimated from EMG while a session runs, with the interval that left-out trials give.
+The torque on the robot, estimated from EMG during a session, with a cross-validated interval.
 
 After each accepted trial a ridge regression is fitted again to the session's trials: from EMG levels, the angle's sine
 and cosine and the velocity to the interaction torque that the robot measures. The interval is 1.96 times the RMS error
-in trials that the fit did not see, one after another. It is a look while the person is there; `calibrate` fits and
-judges the estimator that a robot may use.
+in cross-validation over trials. It is a preview during the session; `calibrate` fits and tests the estimator that a
+robot may use.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Sensed:
 
 @dataclass(frozen=True)
 class Ask:
-    """What is asked of the person, which a virtual wearer is told, and of the robot."""
+    """A request to the participant, which a simulated wearer receives, and to the robot."""
 
     kind: str  # "target", "tracking", "contraction" or "torque": the engine's function is set_<kind>
     values: tuple[float, ...]  # arguments of the engine's function of that name
@@ -197,7 +197,7 @@ class RunningTracking(RunningTask):
 
 
 class RunningHolding(RunningTask):
-    """An angle that is held against one torque after another."""
+    """A task to hold an angle under one torque after another."""
 
     def __init__(self, trial: PlannedTrial, lead_in: float = LEAD_IN_S):
         super().__init__(trial, lead_in)
@@ -358,7 +358,7 @@ def finite_number(value: float) -> float | None:
 
 
 MIN_TRIALS = 2
-"""Number of trials below which nothing is estimated: one has to be left out."""
+"""Smallest number of trials for an estimate, which needs one to hold out."""
 
 RATE_HZ = 20.0
 """Rate at which trials are fitted [Hz]."""

@@ -126,9 +126,9 @@ def find_inertial(
     """Return the sensors among neighbouring columns, in the order of the file.
 
     Rows of four that have length 1 throughout are quaternions. Rows of three whose usual length is that of gravity, and
-    whose axes all move, are an accelerometer. Three further columns are its gyroscope if they tell how gravity's
-    direction turns in the sensor: a' = -w x a, which also tells rad/s from deg/s. An accelerometer needs a gyroscope
-    beside it, or names that say so, which are the columns `named`: three angles may have that length by chance.
+    whose axes all move, are an accelerometer. Three further columns are its gyroscope if they explain the rotation of
+    gravity in the sensor: a' = -w x a, which also distinguishes rad/s from deg/s. An accelerometer needs a gyroscope or
+    a name, which are the columns `named`: three angles may have that length by chance.
     """
     found: list[InertialColumns] = []
     used: set[str] = set()

@@ -1,7 +1,7 @@
-"""Recognise a logger by its vocabulary: names that only it writes tell quantities, units and encodings of its columns.
+"""Recognise a logger by its vocabulary: its specific names show quantities, units and encodings of its columns.
 
-Each file in `start/fingerprints/` describes one logger and states its source. A fingerprint is evidence beside names,
-stated units and physics; it decides nothing alone.
+Each file in `start/fingerprints/` describes one logger and states its source. A fingerprint is evidence in addition to
+names, stated units and physics; it decides nothing alone.
 """
 
 from __future__ import annotations

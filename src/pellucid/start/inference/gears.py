@@ -32,8 +32,8 @@ class FoundGear:
 def find_gear(roles: TableRoles, efforts: tuple[str, ...]) -> FoundGear | None:
     """Return the gear of a table's joints; None if nothing shows one. `efforts` are quantities of the drive.
 
-    A speed in a stated unit that is many times its position's derivative is the motor's. Without one, a torque that is
-    named after the motor beside a position that is named after the joint may stand before a gear.
+    A speed in a stated unit that is many times its position's derivative is the motor's. Without one, a torque named
+    after the motor with a position named after the joint may be on the motor side of a gear.
     """
     channels = {role.column: role for role in roles.roles if role.quantity is not None and not role.is_command}
     speeds = {}

@@ -186,8 +186,8 @@ def is_magnitude(effort: np.ndarray, motion: MotionSamples, radians_per_unit: fl
 def acceleration_scale(effort: np.ndarray, motion: MotionSamples) -> float | None:
     """Return the acceleration that an effort's spread gives by the inertia that it shows, in the position's unit.
 
-    It depends on the unit of time and on none of the effort. None if inertia explains too little of `effort`, shape
-    (n,), beside friction and what is a polynomial in the position.
+    It depends on the unit of time but not on that of the effort. None if inertia explains too little of `effort`, shape
+    (n,), in addition to friction and a polynomial in the position.
     """
     target = running_mean(effort, motion.width)
     place = (motion.position - motion.position.mean()) / (float(np.ptp(motion.position)) or 1.0)
