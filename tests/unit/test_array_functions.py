@@ -325,7 +325,7 @@ def test_a_designed_level_of_any_name_is_a_factor_and_no_index(name):
     found = pl.assess(rows, control="free", margins={"duration": 0.10})
     assert (list(found), found.factors) == (["duration"], (name,))
     assert found.certificates["robot"].verdict == "not transparent"
-    assert f"taken as factors, movements compared within their levels: {name}" in str(found)
+    assert f"factors, within whose levels movements are compared: {name}" in str(found)
     assert set(found.uncompared) == {"block", "trial", "period"}
     assert name in pl.assess(rows, control="free", indices=["duration", name])
 
@@ -356,12 +356,12 @@ def test_why_a_claim_is_not_made_is_said_with_the_people_and_losses_that_decided
         return line
 
     lacking = {"keep": lambda person, condition, *_: condition == "free" or person != 3}
-    assert "too few people: 11 took part" in said(12, **lacking)
+    assert "too few participants: 11 took part" in said(12, **lacking)
     assert "1 of 12 excluded" in said(12, **lacking)
     for line in (said(13, **lacking), said(12)):
         assert line.startswith("robot: transparent (duration ")
         assert "12 of 12 within" in line
-    assert "reaches past an end of the margin, -9.1 to +10.0 %" in said(16, 1.10)
+    assert "extends beyond the margin, -9.1 to +10.0 %" in said(16, 1.10)
 
 
 def test_amplitudes_drawn_at_random_are_pooled_and_told():

@@ -116,12 +116,12 @@ def test_the_page_has_the_model_the_order_and_the_curves(ordered):
     assert fc.failed == {"Ctrl": (0, 120), "FC": (2, 120)}
     assert fc.certificate.tested("duration_median") == "within"
     assert [doubt.what for doubt in fc.certificate.contradicted("duration_median")] == ["left out"]
-    assert "counted as never reached it is not shown to be" in certificate_sentences(found)[0]
+    assert "this is not shown with targets without a movement" in certificate_sentences(found)[0]
     assert {c.condition: c.certificate.verdict for c in found.certified if c is not fc} == {
         "PCFr": "transparent", "CLPC": "transparent",
     }  # fmt: skip
     assert fc.certificate.end_points["duration_median"].fit.degrees == 12 - 1 - 3  # four periods
-    assert any("would overturn what is said of" in text for text in certificate_remarks(found))
+    assert any("would overturn the verdict on" in text for text in certificate_remarks(found))
     # Eleven people's movements and 8 of the twelfth's; what was asked of the model is what people's values say.
     ranks, model = fc.certificate.end_points["duration_median"], fc.beside["mixed_model"]["duration_median"]
     assert model.method == "mixed_model"
@@ -198,11 +198,11 @@ def test_movements_that_the_median_duration_counts_are_not_lost_to_it(ordered):
 
 def test_the_sentence_says_what_was_assumed_of_people(pointing):
     by_ranks = certificate_sentences(assess(with_margins(pointing, WIDE)))[0]
-    assert "at most 5 % of studies if people's changes are spread symmetrically" in by_ranks
+    assert "at most 5 % of studies would claim otherwise, provided that people's changes are spread symmetrically" in by_ranks
     assert "pseudo-median" in by_ranks
-    assert "the mean of skewed changes may lie beyond" in by_ranks
-    assert "12 of 12 people lie within: at least " in by_ranks
-    assert "lie beyond 3 margins, each with 90 % confidence" in by_ranks
+    assert "may lie beyond its margin if changes are skewed" in by_ranks
+    assert "12 of 12 people are within the margin. In the population, at least " in by_ranks
+    assert "beyond 3 margins, each with 90 % confidence" in by_ranks
 
 
 @pytest.mark.parametrize("estimand", ["mean", "pseudo-median"])
@@ -210,8 +210,8 @@ def test_six_people_are_too_few(estimand, tmp_path):
     study = made_pointing.study(tmp_path, conditions=("Ctrl", "FC"), repetitions=1)
     found = assess(with_margins(study, f'estimand = "{estimand}"\nvmax = "60 %"'))
     (said,) = certificate_sentences(found)
-    assert "cannot say. Too few people: 6 took part" in said
-    assert "26 % of studies of 6 would see none of them" in said
+    assert "cannot say. Too few participants: 6 took part" in said
+    assert "26 % of studies of 6 people would contain none of them" in said
     assert found.certified[0].certificate.people_answer("vmax") == "too few"
     assert found.certified[0].certificate.tested("vmax") == "within"
 
@@ -302,7 +302,7 @@ def test_people_who_are_lost_leave_only_bounds(tmp_path):
     (said,) = certificate_sentences(found := assess(with_margins(study, 'vmax = "60 %"')))
     (lost,) = found.certified[0].certificate.contradicted("vmax")
     assert (lost.what, lost.without.verdict) == ("lost people", "within")
-    assert "whatever the people did who take no part" in said
+    assert "because too many participants are missing" in said
 
 
 def overshooting(height, settled):

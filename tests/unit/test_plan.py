@@ -95,7 +95,7 @@ def test_a_pilots_own_people_may_take_the_place_of_normal_ones(study):
     skewed = np.exp(rng.standard_normal((12, 2))) * np.array([0.02, 0.006])
     pilot = {"duration_median": skewed[:, 0], "end_absolute": skewed[:, 1]}
     found = plan(study(), pilot=pilot, studies=300)
-    assert "drawn from the pilot's 12" in found.note
+    assert "resampled from the pilot's 12" in found.note
     with pytest.raises(StudyError, match="expected end_absolute too"):
         plan(study(), pilot={"duration_median": skewed[:, 0]}, studies=200)
 

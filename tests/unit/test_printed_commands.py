@@ -122,7 +122,7 @@ def test_a_page_does_not_ask_for_margins_that_are_stated(tmp_path, monkeypatch):
     pasted("pellucid assess first && pellucid report first")
     page = (tmp_path / "first" / "report" / "index.html").read_text(encoding="utf-8")
     (step,) = re.findall(r'<li class="step">(.*?)</li>', page, re.DOTALL)
-    assert "once two or more can be compared" in step
+    assert "with two or more participants" in step
     assert "assessment.margins" not in step
 
 

@@ -65,7 +65,7 @@ def test_a_healthy_log_is_not_stopped_and_its_energy_is_told(tmp_path):
     study = log_study(tmp_path / "s", *moved())
     answer = replay_file(study, tmp_path / "s" / "a.csv")
     assert answer.is_equal
-    assert "the channel torque over position" in answer.lines[0]
+    assert "channel torque against position" in answer.lines[0]
     assert "5 N*m, 300 N*m/s, 8 rad/s and -0.5 to 2.6 rad." in answer.lines[0]
     assert "At 200 Hz, the supervisor would not have stopped any of the 400 samples" in answer.lines[1]
     assert "J to the person in the whole log" in answer.lines[1]

@@ -131,9 +131,9 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         if any(self._point(index, name).unit == "" for index, tests in self.changes.items() for name in tests):
             said.append("changes without % are in the unit of their column")
         if self.factors:
-            said.append(f"taken as factors, movements compared within their levels: {', '.join(self.factors)}")
+            said.append(f"factors, within whose levels movements are compared: {', '.join(self.factors)}")
         if self.uncompared:
-            said.append(f"taken as columns of the design, not compared: {', '.join(self.uncompared)}")
+            said.append(f"columns of the design, not compared: {', '.join(self.uncompared)}")
         if self.factors or self.uncompared:
             said[-1] += " (name one in indices to compare it)"
         return (*said, *self.notes)
@@ -150,7 +150,7 @@ class TableAssessment(Mapping[str, ConditionComparison]):
             ]
             points = [point for name in own.end_points if (point := own.tipping_point(name)) is not None]
             if points:
-                said.append(f"{own.assumption()}, and one over {min(points):.2f} margins would overturn the verdict")
+                said.append(f"{own.assumption()}; more than {min(points):.2f} margins would overturn the verdict")
             return f" ({'; '.join(said)})"
         reasons = []
         for name, test in own.end_points.items():
@@ -639,7 +639,6 @@ def _notes(tables, participants: Sequence[str], lost: Mapping[str, LostCounts], 
         if many:
             counts = " and ".join(f"{gone} of {of} movements in {c}" for c, (gone, of) in many.items())
             notes.append(
-                f"{name}: no value of {counts}, more than the {100.0 * max_share:g} % that max_left_out allows; "
-                "nothing is known of these"
+                f"{name}: no value for {counts}, more than the {100.0 * max_share:g} % that max_left_out allows"
             )
     return notes

@@ -149,7 +149,7 @@ class Certificate:
         return self.end_points[name].share_test(self.rule) if name in self.end_points else None
 
     def point(self, name: str) -> EndPoint:
-        """Return an end point as it was stated; one that was not is in the unit of its differences."""
+        """Return an end point as stated; an unstated one is in the unit of its differences."""
         own = self.points.get(name)
         return EndPoint(name, "rad", "", self.end_points[name].margin, False) if own is None else own
 
@@ -157,7 +157,7 @@ class Certificate:
         """Return why nothing is claimed of an end point; "" where it is within or beyond its margin."""
         if self.said_of(name) != UNDECIDED:
             return ""
-        doubts = [DOUBT_WORDS[doubt.what] for doubt in self.contradicted(name)]
+        doubts = [f"not shown {DOUBT_DESCRIPTIONS[doubt.what]}" for doubt in self.contradicted(name)]
         if doubts or name not in self.end_points:
             return ", ".join(doubts)
         return f"undecided: {undecided_reason(self.point(name), self.end_points[name], self.rule)}"
@@ -447,16 +447,15 @@ UNEVEN_LOSSES_DOUBT = "uneven losses"
 LOST_PEOPLE_DOUBT = "lost people"
 """Doubt: more participants than `max_left_out` allows take no part."""
 
-DOUBT_WORDS = {
-    PERIOD_DOUBT: "without the effect of the period it is not shown",
-    LEARNING_DOUBT: "movements were still changing, and by the last third of them it is not shown",
-    LEFT_OUT_DOUBT: "with failed movements counted as never reached it is not shown",
-    LOST_MOVEMENTS_DOUBT: "too many movements are missing",
-    UNEVEN_LOSSES_DOUBT: "one condition lost more movements than the other; with these counted as extreme ones it is "
-    "not shown",
-    LOST_PEOPLE_DOUBT: "too many participants are missing",
+DOUBT_DESCRIPTIONS = {
+    PERIOD_DOUBT: "after correction for the effect of the period",
+    LEARNING_DOUBT: "for the last third of movements, which were still changing",
+    LEFT_OUT_DOUBT: "with targets without a movement counted as never reached",
+    LOST_MOVEMENTS_DOUBT: "because too many movements are missing",
+    UNEVEN_LOSSES_DOUBT: "with the additional losses of one condition counted as extreme values",
+    LOST_PEOPLE_DOUBT: "because too many participants are missing",
 }
-"""Reason, by doubt, why a claim is not made."""
+"""Reason, by doubt, why a claim is not made; it follows "not shown"."""
 
 LostCounts = Mapping[str, tuple[int, int]]
 """Number of movements without a value, and of all movements, by condition."""

@@ -105,25 +105,25 @@ def undecided_reason(point: EndPoint, test: Equivalence, rule: ShareRule = DEFAU
     """Return why a test claims neither "within" nor "beyond", by the rule that decided."""
     (low, high), n, unit = test.interval, test.pairs, f" {point.unit}".rstrip()
     if test.verdict == BEYOND_MARGIN:
-        return f"beyond the margin if tested alone, with {n} people; of several end points one may be so by chance"
+        return f"beyond the margin if tested alone, with {n} people; among several end points this may be chance"
     reasons = []
     allowed = test.allowance
     if not np.isfinite([low, high]).all():
-        reasons.append(f"the change has no bounds with {n} people")
+        reasons.append(f"the change has no finite interval with {n} people")
     elif low - allowed <= test.margin.low or high + allowed >= test.margin.high:
         ends = [signed_text(point, end) for end in (low - allowed, high + allowed)]
         margin = ["none" if np.isinf(end) else signed_text(point, end) for end in (test.margin.low, test.margin.high)]
         more = f" with a carry-over of up to {test.largest_carry_over:g} margins" if allowed else ""
         reasons.append(
             f"the {100.0 * (1.0 - 2.0 * test.alpha):g} % interval of {n} people{more}, {ends[0]} to {ends[1]}{unit}, "
-            f"reaches past an end of the margin, {margin[0]} to {margin[1]}{unit}"
+            f"extends beyond the margin, {margin[0]} to {margin[1]}{unit}"
         )
     shares = test.share_test(rule)
     if shares.far:
         lie = "lies" if shares.far == 1 else "lie"
         reasons.append(f"{shares.far} of {n} people {lie} beyond {rule.far_margins:g} margins")
     if shares.answer == TOO_FEW:
-        reasons.append(f"too few people: {n} took part, and nothing is said to lie within from fewer than {MIN_PEOPLE}")
+        reasons.append(f"too few participants: {n} took part, and a claim needs at least {MIN_PEOPLE}")
     elif shares.answer == NOT_SHOWN and not reasons:
         reasons.append(share_reason(shares))
     return "; ".join(reasons)
@@ -135,12 +135,12 @@ def share_reason(shares: ShareTest) -> str:
     reasons = []
     if shares.p_within > rule.alpha:
         reasons.append(
-            f"{shares.within} of {shares.people} people lie within the margin{shares.noise_note}, which shows that at "
-            f"least {100.0 * shares.least_within:.0f} % of people do ({level}), not {100.0 * rule.within:g} %"
+            f"{shares.within} of {shares.people} people are within the margin{shares.noise_note}, which shows this for "
+            f"at least {100.0 * shares.least_within:.0f} % of people ({level}); {100.0 * rule.within:g} % are required"
         )
     if shares.p_far > rule.alpha:
         reasons.append(
-            f"{shares.far} of {shares.people} people lie beyond {rule.far_margins:g} margins; up to "
-            f"{100.0 * shares.most_far:.0f} % of people may ({level}), not at most {100.0 * rule.far:g} %"
+            f"{shares.far} of {shares.people} people are beyond {rule.far_margins:g} margins; up to "
+            f"{100.0 * shares.most_far:.0f} % of people may be ({level}); at most {100.0 * rule.far:g} % are allowed"
         )
     return "; ".join(reasons)

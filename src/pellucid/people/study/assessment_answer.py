@@ -67,18 +67,18 @@ def _beyond_text(each: Certified) -> str:
 
 
 def _recording_step(each: Certified) -> Step:
-    """Return what to record, and of how many people, where a certificate cannot say."""
+    """Return the recordings and the number of people to add if a certificate is undecided."""
     now, condition = each.participants, each.condition.replace("_", " ")
     more_precise = f"more movements of each person with {condition}, or measure more finely"
     if now < MIN_PEOPLE and each.needed is None and now >= MIN_FORECAST_PEOPLE:
         return Step(
-            f"Record {more_precise}, of {MIN_PEOPLE} people or more: from fewer nothing is claimed to lie within a "
-            f"margin, and as these {now} differ no study of up to {CERTIFICATE_SIZES[-1]} would show it"
+            f"Record {more_precise}, with {MIN_PEOPLE} people or more: a claim needs at least {MIN_PEOPLE}, and with "
+            f"the variation of these {now}, no study of up to {CERTIFICATE_SIZES[-1]} people would show it"
         )
     if now < MIN_PEOPLE:
         return Step(
-            f"Record {_more_people(MIN_PEOPLE - now)}, {MIN_PEOPLE} in all: from fewer nothing is claimed to lie "
-            "within a margin; then assess again"
+            f"Record {_more_people(MIN_PEOPLE - now)}, {MIN_PEOPLE} in all, the smallest number for a claim; then "
+            "assess again"
         )
     if remedy := loss_remedy(each):
         return Step(remedy.rstrip("."))
@@ -86,10 +86,10 @@ def _recording_step(each: Certified) -> Step:
         return Step(f"Record the movements of {condition} until they settle, of the same {now} people or more")
     if each.needed is not None and each.needed > now:
         return Step(
-            f"Record {_more_people(each.needed - now)} with {condition}, about {each.needed} in all: so many show it "
-            "in 9 of 10 studies if nothing changes; then assess again"
+            f"Record {_more_people(each.needed - now)} with {condition}, about {each.needed} in all, which show it in "
+            "9 of 10 studies if the robot changes nothing; then assess again"
         )
-    return Step(f"Record {more_precise}; more people than these {now} alone are unlikely to decide it")
+    return Step(f"Record {more_precise}; additional people alone are unlikely to decide it")
 
 
 def _more_people(count: int) -> str:
@@ -106,7 +106,7 @@ def _change_answer(found: AssessmentResult) -> Answer:
         names = [name for name, conditions in differing.items() if condition in conditions]
         words = ", ".join(lowered(found.assessed[name].table.index.words) for name in names)
         told = condition in differing[each.name]
-        reason = f"differs in {words}" if names else "no test tells it from control"
+        reason = f"differs in {words}" if names else "no test finds a difference from control"
         parts.append(AnswerPart(condition, "yes" if told else "cannot say", reason))
     others: dict[tuple[str, ...], list[str]] = {}
     for name, conditions in differing.items():
@@ -114,7 +114,7 @@ def _change_answer(found: AssessmentResult) -> Answer:
             others.setdefault(tuple(conditions), []).append(lowered(found.assessed[name].table.index.words))
     also = "".join(f" {' and '.join(told)} also different in: {', '.join(words)}." for told, words in others.items())
     told = any(part.verdict == "yes" for part in parts)
-    reason = "" if told else f"no test tells a condition from {found.control} in {lowered(each.table.index.words)}"
+    reason = "" if told else f"no test finds a difference from {found.control} in {lowered(each.table.index.words)}"
     return Answer(
         f"Do these conditions change people's {lowered(each.table.index.words)}, against {found.control}?",
         "yes" if told else "cannot say",
@@ -135,8 +135,8 @@ def _differing(found: AssessmentResult, each: Assessed, alpha: float) -> list[st
 def _margin_step(found: AssessmentResult) -> Step:
     """Return what to do next where nothing is certified: record another person, or state margins."""
     if found.has_margins:
-        return Step("Record the next participant: the stated margins are tested once two or more can be compared")
-    text = "State in `[assessment.margins]` how far a robot may change each index; then check the study"
+        return Step("Record the next participant: margins are tested with two or more participants")
+    text = "State the allowed change of each index in `[assessment.margins]`, then check the study"
     return Step(text, "check")
 
 

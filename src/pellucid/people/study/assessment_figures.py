@@ -73,7 +73,7 @@ def profile_figure(
     return Drawing(
         "profiles",
         figure,
-        f"Mean movements of {what}, aligned at their start: over each participant's movements, then over participants.",
+        f"Mean movements of {what}, aligned at their start and averaged within, then over participants.",
     )
 
 
@@ -106,8 +106,8 @@ def settling_figure(settling: Sequence[Settling], conditions: Sequence[str]) -> 
     return Drawing(
         "settling",
         figure,
-        "Share of all participants' movements that still go on, with 95 % intervals for movements as if independent "
-        f"(Kaplan and Meier). Never settled before the next target came: {shares_text}.",
+        "Share of movements that have not ended (Kaplan-Meier, all participants), with 95 % intervals that treat "
+        f"movements as independent. Not settled before the next target: {shares_text}.",
     )
 
 
@@ -150,8 +150,8 @@ def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> D
     return Drawing(
         "isochrony",
         figure,
-        "Means over participants at each amplitude, with straight lines; thin lines are participants. Mean velocity's "
-        "slope and offset: " + slopes_text + ".",
+        "Means over participants at each amplitude, with straight-line fits; thin lines are participants. Slope and "
+        "offset of mean velocity: " + slopes_text + ".",
     )
 
 
@@ -229,7 +229,7 @@ def changes_figure(
     forest.set_xlim(max(low, -max(widest, 100.0)), min(high, max(widest, 100.0)))
     told = (
         f"{each.table.index.words}: every participant is a line, the bar is the mean. Right: the change from {control} "
-        "with its interval; an interval that reaches the panel's edge goes on beyond it."
+        "with its interval; an interval at the edge of the panel extends beyond it."
     )
     if not profiles:
         return Drawing("changes", figure, told)
@@ -333,8 +333,8 @@ def curves_figure(certified: Sequence[Certified], conditions: Sequence[str]) -> 
         "curves",
         figure,
         "Change of curves from control, mean over participants, along the movement's direction; velocity and EMG in "
-        f"% of control's largest. Bands hold the whole mean curve with {level:g} %, margins are shaded, bars at the "
-        "bottom are clusters of times at which curves differ (p at most 0.05 by signs of curves).",
+        f"% of their maximum in control. Bands cover the whole mean curve with {level:g} % confidence; margins are "
+        "shaded. Bars at the bottom mark times at which curves differ (sign-flip test over clusters, p at most 0.05).",
     )
 
 

@@ -139,7 +139,7 @@ def _found(findings: AssessmentResult) -> Section:
     shown.append(tables.effect_table(findings))
     return Section(
         "assess_found",
-        "What was found, and what was not",
+        "Results",
         tuple(map(typeset_sentence, findings.paragraph.split("\n\n"))),
         tuple(_table(each) for each in shown if each.rows),
     )
@@ -179,10 +179,10 @@ def _sensitivity(findings: AssessmentResult) -> Section:
 
 def _needed(findings: AssessmentResult) -> Section:
     text = (
-        f"With how many participants signed ranks against {findings.control}, corrected after Holm for the smallest of "
-        f"the p values, would be significant in 8 of 10 studies. Changes from {findings.control} are drawn from a "
-        "normal distribution with the standard deviation that this study's participants show in the condition in "
-        "which they differ most; it is itself uncertain where they are few."
+        f"Number of participants for a power of 80 %: signed-rank tests against {findings.control}, with Holm's "
+        f"correction for the smallest p value. Changes from {findings.control} are sampled from a normal distribution "
+        "with this study's standard deviation in the condition with the largest variation, which is itself uncertain "
+        "with few participants."
     )
     shown = tables.needed_table(findings), tables.effect_size_table(findings)
     return Section("assess_needed", "Participants needed", (text,), tuple(_table(each) for each in shown if each.rows))
@@ -196,8 +196,8 @@ def _method(study: Study, findings: AssessmentResult) -> Section:
         "participant's value is the mean over movements that are alike, then over amplitudes and directions."
     ]
     paragraphs.append(
-        "A movement that was not at rest when the next target came has not settled: it lasted longer than was seen. "
-        "The median duration accounts for it (Kaplan and Meier); the mean duration uses the observed part."
+        "A movement that was not at rest when the next target came has not settled, so that its duration is longer "
+        "than observed. The median duration accounts for this (Kaplan-Meier); the mean uses the observed part."
     )
     paragraphs.append(
         "The end-point error is that of the movement's last sample, along its direction; the participant's movements "
@@ -348,8 +348,8 @@ def _margins(spec: AssessmentTable, found: AssessmentResult) -> Section:
     ]
     lacking = [point.index.words.lower() for name, point in points.items() if name not in spec.justification]
     note = (
-        f"No justification is stated for {', '.join(lacking)}: say in [assessment.justification] why such a change "
-        "does not matter.",
+        f"No justification is stated for {', '.join(lacking)}: state in [assessment.justification] why a change of "
+        "this size does not matter.",
     )
     return Section(
         "margins",
@@ -368,8 +368,8 @@ def _assumptions(found: AssessmentResult) -> Section:
     rule = each.certificate.rule
     texts = [
         f"The level of each test holds if {TEST_ASSUMPTIONS[each.test]}.",
-        "No test sees people who are not in the sample. A group of "
-        f"{100.0 * HIDDEN_SHARE:g} % of people is missing from "
+        "No test detects an effect on people who are not in the sample. A group of "
+        f"{100.0 * HIDDEN_SHARE:g} % of people is absent from "
         f"{100.0 * (1.0 - HIDDEN_SHARE) ** each.participants:.2g} % of studies of {each.participants} people; "
         f"with fewer than {MIN_PEOPLE} no end point is claimed to lie within.",
         f"For each end point the study must show that at least {100.0 * rule.within:g} % of people lie within the "
@@ -384,7 +384,7 @@ def _assumptions(found: AssessmentResult) -> Section:
         for own in found.certified
         for name, point in own.end_points.items()
     ]
-    legend = "Shares of people within and far beyond, with their bounds."
+    legend = "Shares of people within the margin and far beyond it, with their bounds."
     share = _plain_table(("Condition", "Index", "People"), rows, legend, 2)
     return Section("assumptions", "Assumptions", tuple(dict.fromkeys(map(typeset_sentence, texts))), (share,))
 
@@ -396,8 +396,8 @@ def _other_analyses(found: AssessmentResult) -> Section:
         if own.rows:
             shown.append(_plain_table(own.heads, list(own.rows), f"{own.title.rstrip('.')}.", 2))
     text = (
-        "No verdict rests on a sensitivity analysis. What else could have changed an end point can take a claim away, "
-        "and never makes one."
+        "Sensitivity analyses do not change a verdict. Another possible cause of a change can withdraw a claim but "
+        "never adds one."
     )
     return Section("sensitivity", "Sensitivity", (text,), tuple(shown))
 
@@ -407,7 +407,7 @@ def _exclusions(spec: AssessmentTable, found: AssessmentResult) -> Section:
     rows += [("participant", person, why) for person, why in found.without.items()]
     rows += [("recording", name, why) for name, why in found.unusable.items()]
     rows += [
-        ("movements", str(count), REASON_WORDS.get(why, "that went as far as another label"))
+        ("movements", str(count), REASON_WORDS.get(why, "with the amplitude of another label"))
         for why, count in found.left_out.items()
     ]
     for each in found.certified:

@@ -74,17 +74,18 @@ def model_of(
     conditions = [condition] if control is None else [control, condition]
     own = movements_of(whole, point, conditions, people, order)
     if not own:
-        return failed_model(len(people), 0, "no value of single movements")
+        return failed_model(len(people), 0, "the index has no values for single movements")
     if point.index.cut_off is not CutOff.NO_VALUE:
         cut = sum(
             not each.settled for each in whole.lasted if each.condition in conditions and each.participant in people
         )
         if cut:
-            return failed_model(len(people), len(own), f"{cut} movements were cut off: a mean of them is one of where")
+            why = f"{cut} movements were cut off, so that their values are unknown"
+            return failed_model(len(people), len(own), why)
     under = None if control is None else np.array([m.condition == condition for m, _ in own])
     who = np.array([m.participant for m, _ in own])
     if {(m.participant, m.condition) for m, _ in own} != {(p, c) for p in people for c in conditions}:
-        return failed_model(len(people), len(own), "a participant lacks movements that are alike")
+        return failed_model(len(people), len(own), "a participant lacks matching movements")
     return mixed_model(np.array([y for _, y in own]), who, under, _covariates(own, under, order))
 
 
@@ -329,17 +330,17 @@ def _unknown(
                 f"With {len(people)} participants the effect of the period is not estimated."
                 if len(people) < MIN_ORDERED_PEOPLE
                 else f"The effect of the period is not estimated for {wanted[name].index.short}: some movements were "
-                "cut off, so that changes are known by bounds alone."
+                "cut off, so that only bounds of the changes are known."
                 if not own.is_known
-                else f"{pair[1]} came equally long after {pair[0]} for everybody: the effect of the period "
-                "cannot be separated from that of the condition."
+                else f"All participants had {pair[0]} and {pair[1]} in the same order and interval: the effect of the "
+                "period cannot be separated from that of the condition."
             )
         base = control_of(tables[name], pair[0])
         compared = [pair[1]] if base is None else list(pair)
         if own.drift is None and movements_of(whole, wanted[name], compared, people, order):
             unknown.append(
-                f"Whether movements were still changing is not looked for: somebody has fewer than {MIN_MOVEMENTS} of "
-                "a condition, or several recordings of it whose order (period, repetition) is not stated."
+                f"Learning was not tested: a participant has fewer than {MIN_MOVEMENTS} movements of a condition, or "
+                "several recordings of it without a stated order (period, repetition)."
             )
     return tuple(dict.fromkeys(unknown))
 
@@ -381,8 +382,7 @@ def certify_conditions(
             if lacking:
                 raise StudyError(
                     f"[assessment.margins]: found no {', '.join(lacking)} in {condition}, expected every index with a "
-                    "margin: a claim about what was not recorded cannot be tested; record it or take the margin out "
-                    "before the data are seen"
+                    "margin. Record the index, or remove its margin before you look at the data"
                 )
             made.append(_certify(found, spec, wanted, condition, whole, order, curves, executor, registered))
     return tuple(made)

@@ -12,6 +12,7 @@ from ...study.procedures.result import FigureTable
 from ...study.results import ResultRow
 from ..analysis import ANALYSIS_FILE
 from ..certificate import (
+    DOUBT_DESCRIPTIONS,
     FAIL,
     LEARNING_DOUBT,
     LEFT_OUT_DOUBT,
@@ -48,7 +49,7 @@ TEST_NAMES = {
     "signed_rank": "pseudo-median of people's changes, by signed ranks",
     "mixed_model": "mean change by the mixed model of movements",
 }
-"""Names of the analyses: what each estimates, and by which test."""
+"""Names of the analyses: the estimand of each, and its test."""
 
 ANALYSIS_NAMES = {"skew_robust": "mean", "signed_rank": "pseudo-median", "mixed_model": "mixed model"}
 """Short names of the analyses, for tables."""
@@ -59,16 +60,6 @@ TEST_ASSUMPTIONS = {
     "curve": "people's curves are normally distributed about the mean curve",
 }
 """Assumption under which the level of each test holds."""
-
-DOUBT_DESCRIPTIONS = {
-    PERIOD_DOUBT: "without the effect of the period",
-    LEARNING_DOUBT: "by the last third of movements, which were still changing,",
-    LEFT_OUT_DOUBT: "with targets without a movement counted as never reached",
-    LOST_MOVEMENTS_DOUBT: "whatever people did in the excluded movements",
-    UNEVEN_LOSSES_DOUBT: "with the movements that one condition lost more than the other counted as extreme ones",
-    LOST_PEOPLE_DOUBT: "whatever the people did who take no part",
-}
-"""Description, by doubt, of an end point's change after correction for it."""
 
 
 def certificate_table(found: AssessmentResult) -> FigureTable:
@@ -107,7 +98,7 @@ def beside_table(found: AssessmentResult) -> FigureTable:
                 rows.append((each.condition, point.index.short, ANALYSIS_NAMES[test], *cells, spread, movements, said))
     heads = ("Condition", "Index", "Analysis", "Change", f"{_share(found):g} % interval",
              "Standard deviation of people's changes", "Movements", "Said")  # fmt: skip
-    return FigureTable("Sensitivity analyses, on which no verdict rests", heads, tuple(rows))
+    return FigureTable("Sensitivity analyses (not used for verdicts)", heads, tuple(rows))
 
 
 def doubt_table(found: AssessmentResult) -> FigureTable:
@@ -123,7 +114,7 @@ def doubt_table(found: AssessmentResult) -> FigureTable:
     heads = ("Condition", "Index", *(what.capitalize() for what in DOUBT_DESCRIPTIONS), "Contradicts")
     kept = [i for i in range(len(heads)) if any(row[i] is not None for row in rows)]
     rows, heads = [tuple(row[i] for i in kept) for row in rows], tuple(heads[i] for i in kept if rows)
-    return FigureTable("What else could have changed it: p, and what is said without it", heads, tuple(rows))
+    return FigureTable("Other possible causes: p, and verdict after correction", heads, tuple(rows))
 
 
 def _doubt(doubt: Doubt | None) -> str | None:
@@ -226,13 +217,13 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
     if any(shares is not None and shares.answer == TOO_FEW for shares in lacking.values()):
         hidden = 100.0 * (1.0 - HIDDEN_SHARE) ** each.participants
         return (
-            f"Too few people: {each.participants} took part, and nothing is claimed to lie within from fewer than "
-            f"{MIN_PEOPLE}. If one person in five were slowed, {hidden:.0f} % of studies of {each.participants} would "
-            "see none of them."
+            f"Too few participants: {each.participants} took part, and a claim needs at least {MIN_PEOPLE}. If the "
+            f"robot slowed one person in five, {hidden:.0f} % of studies of {each.participants} people would contain "
+            "none of them."
         )
     if lacking:
         shown = "; ".join(f"{words[n]}: {share_reason(shares)}" for n, shares in lacking.items() if shares)
-        return f"The estimate lies within its margin, but not enough people are shown to. {shown}."
+        return f"The mean change is within its margin, but this is not shown for enough people. {shown}."
     doubted = [(words[n], own.tested(n), own.contradicted(n)) for n in words]
     doubted = [(name, tested, why) for name, tested, why in doubted if why]
     if doubted and len(doubted) == len(undecided):
@@ -241,35 +232,36 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
     alone = [words[n] for n in tests if tests[n].verdict == BEYOND_MARGIN]
     if alone:
         return (
-            f"Tested alone, {', '.join(alone)} would be beyond the margin; as the largest of {len(words)} changes in "
-            f"{each.participants} people that may be chance."
+            f"Tested alone, {', '.join(alone)} would be beyond the margin. As the largest of {len(words)} changes in "
+            f"{each.participants} people, this may be chance."
         )
     cut = [words[n] for n in tests if tests[n].bounded]
     if cut:
         return (
-            f"Undecided: {', '.join(undecided)}. How long movements lasted was not seen to its end "
-            f"({', '.join(cut)}): record until they settle."
+            f"Undecided: {', '.join(undecided)}. Some movements had not ended when the next target came "
+            f"({', '.join(cut)}): record movements until they settle."
         )
     more = (
-        f"With about {each.needed} instead of {each.participants} people a study would show it with 90 % power, if the "
-        "robot changes nothing and people differ as these do."
+        f"A study with about {each.needed} instead of {each.participants} people would show it with 90 % power, if the "
+        "robot changes nothing and people vary as in this study."
         if each.needed is not None and each.needed > each.participants
-        else "As people differ here, these many would mostly have shown it were there no change: there may be one."
+        else "With this variation and no change, this number of people would probably have shown it: there may be a "
+        "change."
         if each.needed is not None
-        else f"With people who differ as these do, no study of up to {CERTIFICATE_SIZES[-1]} would: measure more "
-        "finely, or more movements."
+        else f"With this variation among people, no study of up to {CERTIFICATE_SIZES[-1]} people would show it: "
+        "measure more precisely, or record more movements."
     )
     return f"Undecided: {', '.join(undecided)}. {more}"
 
 
 def _doubts_text(doubted: Sequence[tuple[str, str, Sequence[Doubt]]], each: Certified) -> str:
-    """Say why end points are doubted, with the counts of losses and what to do."""
+    """Return why end points are doubted, with the counts of losses and advice."""
     kinds = {d.what for *_, why in doubted for d in why}
     counts = f" {_lost_counts(each)}" if LOST_MOVEMENTS_DOUBT in kinds else ""
     if LOST_PEOPLE_DOUBT in kinds:
         counts += f" {_lost_people_counts(each)}"
     text = "; ".join(
-        f"{name} is {tested} its margin; {' or '.join(DOUBT_DESCRIPTIONS[d.what] for d in why)} it is not shown to be"
+        f"{name} is {tested} its margin, but this is not shown {' or '.join(DOUBT_DESCRIPTIONS[d.what] for d in why)}"
         for name, tested, why in doubted
     )
     return f"{text}.{counts} {_remedy(kinds)}"
@@ -282,7 +274,7 @@ def loss_remedy(each: Certified) -> str:
 
 
 def _post_hoc(each: Certified) -> list[str]:
-    """Say in what the analysis deviates from the registered one."""
+    """Return how the analysis deviates from the registered one."""
     apart = each.certificate.post_hoc
     return [f"{each.condition}: post hoc, not as registered in {ANALYSIS_FILE}: {'; '.join(apart)}."] if apart else []
 
@@ -298,8 +290,8 @@ def _far(each: Certified) -> list[str]:
             who = ", ".join(f"{_person(each, i)} ({change})" for i, change in zip(rows, changes, strict=True))
             lie = "lies" if len(rows) == 1 else "lie"
             remarks.append(
-                f"{each.condition}: {who} {lie} far beyond in {point.index.short}: more than {count:g} margins "
-                f"({point.stated}). Find out why."
+                f"{each.condition}: {who} {lie} far beyond the margin in {point.index.short}, by more than {count:g} "
+                f"margins ({point.stated}). Find the cause."
             )
     return remarks
 
@@ -317,8 +309,8 @@ def _tipping(each: Certified) -> list[str]:
     declared = each.certificate.end_points[name].largest_carry_over
     least = f"more than {points[name]:.2f}" if points[name] < MAX_TIPPING_POINT - 0.1 else f"over {MAX_TIPPING_POINT:g}"
     return [
-        f"{each.condition}: a carry-over of up to {declared:g} margins from one session to the next is assumed. One of "
-        f"{least} margins would overturn what is said of {each.end_points[name].index.short}."
+        f"{each.condition}: the analysis assumes a carry-over of up to {declared:g} margins between sessions. A "
+        f"carry-over of {least} margins would overturn the verdict on {each.end_points[name].index.short}."
     ]
 
 
@@ -328,8 +320,8 @@ def _people_sentence(each: Certified) -> str:
     least = min(tests, key=lambda own: own.least_within)
     far, rule = max(own.most_far for own in tests), least.rule
     return (
-        f"{least.within} of {least.people} people lie within{least.noise_note}: at least "
-        f"{share_text(100.0 * least.least_within)} of people do, and at most {share_text(100.0 * far)} lie beyond "
+        f"{least.within} of {least.people} people are within the margin{least.noise_note}. In the population, at least "
+        f"{share_text(100.0 * least.least_within)} are within it and at most {share_text(100.0 * far)} beyond "
         f"{rule.far_margins:g} margins, each with {100.0 * (1.0 - rule.alpha):g} % confidence."
     )
 
@@ -355,22 +347,22 @@ def _what_was_tested(each: Certified) -> str:
     assumed = " and ".join(TEST_ASSUMPTIONS[kind] for kind in kinds)
     level = f"{100.0 * each.certificate.alpha:.3g} %"
     said = (
-        f"What is tested is {what}: were it beyond one margin, this would be said in at most {level} of studies if "
-        f"{assumed}."
+        f"The test is of {what}: if it were beyond its margin, at most {level} of studies would claim otherwise, "
+        f"provided that {assumed}."
     )
     if each.test == "signed_rank":
-        return f"{said} It is no mean: the mean of skewed changes may lie beyond its margin."
+        return f"{said} The pseudo-median is not the mean, which may lie beyond its margin if changes are skewed."
     hidden = 100.0 * (1.0 - HIDDEN_SHARE) ** each.participants
     if hidden < 0.1:
         return said
-    return f"{said} A group of one person in five is missing from {hidden:.2g} % of studies of {each.participants}."
+    return f"{said} A group of 20 % of people is absent from {hidden:.2g} % of studies of {each.participants} people."
 
 
 def _lost_people_counts(each: Certified) -> str:
     """Name the participants who take no part, more than the study allows."""
     total = each.participants + len(each.lost_people)
     return (
-        f"{len(each.lost_people)} of {total} participants take no part ({', '.join(each.lost_people)}): more than the "
+        f"{len(each.lost_people)} of {total} participants are excluded ({', '.join(each.lost_people)}), more than the "
         f"{100.0 * each.max_left_out:g} % that max_left_out allows."
     )
 
@@ -378,7 +370,7 @@ def _lost_people_counts(each: Certified) -> str:
 def _lost_counts(each: Certified) -> str:
     """State the conditions that lost more movements than the study allows, with their counts."""
     counts_text = _counted(too_many_lost(_most_lost(each), each.max_left_out))
-    return f"Left out were {counts_text}: more than the {100.0 * each.max_left_out:g} % that max_left_out allows."
+    return f"{counts_text} were excluded, more than the {100.0 * each.max_left_out:g} % that max_left_out allows."
 
 
 def _lost(each: Certified) -> list[str]:
@@ -427,8 +419,8 @@ def _without_model(each: Certified) -> list[str]:
 
 def _cut(each: Certified) -> list[str]:
     return [
-        f"{each.condition}: {point.index.short} of {own.bounded} of {own.pairs} people is known by a bound alone, "
-        "because movements were cut off before they settled; the test takes the worst that is possible."
+        f"{each.condition}: only a bound of {point.index.short} is known for {own.bounded} of {own.pairs} people, "
+        "because movements were cut off before they settled. The test assumes the worst possible values."
         for n, point in each.end_points.items()
         if (own := each.certificate.end_points[n]).bounded
     ]
@@ -439,8 +431,8 @@ def _failed(each: Certified) -> list[str]:
         return []
     counts_text = ", ".join(f"{count} of {of} in {condition}" for condition, (count, of) in each.failed.items())
     return [
-        f"{each.condition}: targets that got no movement: {counts_text}. Median durations are tested again with these "
-        "counted as longer than any; of other indices they have no value."
+        f"{each.condition}: targets without a movement: {counts_text}. Median durations are tested again with these "
+        "counted as longer than all others; other indices have no value for them."
     ]
 
 

@@ -90,11 +90,11 @@ def delay_notes(delays: MarkerDelays) -> list[str]:
         return []
     note = f"{len(delays.recordings)} recordings have markers and no encoder to compare them with"
     if delays.assumed is None:
-        return [f"{note}: their clock is taken to start with the recording."]
+        return [f"{note}; their clock is assumed to start with the recording."]
     return [
-        f"{note}: their markers are taken to be as late as in the participant's other recordings "
-        f"({1e3 * delays.assumed:.1f} ms in the mean). What {1e3 * delays.span:.0f} ms more would change is among the "
-        "filters."
+        f"{note}; their markers are assumed to have the same delay as in the participant's other recordings "
+        f"({1e3 * delays.assumed:.1f} ms on average). The effect of another {1e3 * delays.span:.0f} ms is listed with "
+        "the filters."
     ]
 
 
@@ -112,7 +112,7 @@ def emg_on_motions_clock(
     low, high = made.time[0], made.time[-1]
     if min(end, high) - max(begin, low) < 0.5 * (end - begin):
         what = f"EMG from {low:.4g} s to {high:.4g} s, movements from {begin:.4g} s to {end:.4g} s"
-        return made, fault("refuse", "overlap", what, "both of the same time: are their clocks started together?")
+        return made, fault("refuse", "overlap", what, "both at the same time; check that their clocks agree")
     groups = [
         np.sum([made.rectified[m] / made.largest[m] for m in group if made.largest[m] > 0.0], axis=0)
         for group in (spec.agonists, spec.antagonists)
@@ -126,17 +126,17 @@ def emg_on_motions_clock(
     drift = emg_drift(made.time - spec.advance, total, motion)
     if drift is not None and drift.clear:
         what = (
-            f"activity whose lead over the motion changes by {drift.total:.2g} s in {drift.seconds:.3g} s: clocks that "
-            f"part by {1e6 * drift.drift:.0f} ± {1e6 * drift.error:.0f} millionths"
+            f"EMG whose lead over the motion changes by {drift.total:.2g} s in {drift.seconds:.3g} s: the clocks drift "
+            f"by {1e6 * drift.drift:.0f} ± {1e6 * drift.error:.0f} ppm"
         )
         if abs(drift.drift) > MAX_DRIFT:
-            return made, fault("refuse", "drift", what, "one rate: were samples lost, or is the file's rate another?")
-        faults += fault("note", "drift", what, "one clock; EMG's was corrected, from the start of the recording on")
+            return made, fault("refuse", "drift", what, "the same rate; check for lost samples or a wrong rate")
+        faults += fault("note", "drift", what, "one clock; that of the EMG was corrected")
         made = replace(made, time=made.time + drift.drift * (made.time - made.time[0]))
     seen = emg_lead(made.time - spec.advance, total, motion)
     if seen is not None and not seen.plausible:
         what = (
-            f"activity that fits the motion best {abs(seen.lead):.2g} s {'before' if seen.lead > 0 else 'after'} it "
+            f"EMG that fits the motion best {abs(seen.lead):.2g} s {'before' if seen.lead > 0 else 'after'} it "
             f"(correlation {seen.correlation:.2f})"
         )
         late, early = -EMG_CLOCK.plausible_lead_s[0], EMG_CLOCK.plausible_lead_s[1]

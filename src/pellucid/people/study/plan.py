@@ -74,15 +74,15 @@ def plan(
     spec = study.find_table(AssessmentTable)
     where = f"{study.folder}, study.toml"
     if spec is None or not spec.analysis.margins:
-        raise StudyError(f"{where}: found no [assessment.margins], expected how far a robot may change each index")
+        raise StudyError(f"{where}: found no [assessment.margins], expected the allowed change of each index")
     joints = study.config.rig.joints
     along = COORDINATES_BY_UNIT["m" if len(joints) == 1 and joints[0].motion == "prismatic" else "rad"]
     points = spec.analysis.end_points(indices_along(along))
     margins = [point.margin for point in points.values()]
     if participants is not None and participants < MIN_PEOPLE:
         raise StudyError(
-            f"{where}: found {participants} participants, expected at least {MIN_PEOPLE}: with fewer people nothing is "
-            "claimed to lie within its margin"
+            f"{where}: found {participants} participants, expected at least {MIN_PEOPLE}, which a claim of "
+            "transparency requires"
         )
     analysis = spec.analysis
     ordered = analysis.design != "parallel sessions"
@@ -94,7 +94,7 @@ def plan(
     if set(spec.spreads) != set(points):
         raise StudyError(
             f"{where}: found [assessment.spreads] of {', '.join(spec.spreads) or 'nothing'}, expected those of "
-            f"{', '.join(points)}: how much people's changes differ, as a pilot's certificate or another study tells it"
+            f"{', '.join(points)}: the standard deviations of people's changes, from a pilot study or the literature"
         )
     try:
         spreads = [
@@ -123,8 +123,8 @@ def plan(
         _title(power),
         tuple(heads),
         tuple(map(tuple, rows)),
-        f"{_tested(analysis.estimand, analysis.people, spec.false_transparent)}, people's changes normal; going "
-        f"together: correlated by {END_POINT_CORRELATIONS[1]:g} over end points. {_active_words(ordered)} {studies} "
+        f"{_tested(analysis.estimand, analysis.people, spec.false_transparent)}, people's changes normal; "
+        f"correlation between end points: {END_POINT_CORRELATIONS[1]:g}. {_active_words(ordered)} {studies} "
         "studies simulated for each number of people.",
         _plan_answer(
             rows, power, participants, _basis(studies, "people sampled from the spreads that study.toml states"),
@@ -151,8 +151,8 @@ def _plan_answer(
     at_most = f"a change of {last[0]} of the margin needs {last[1]}"
     if participants is None:
         verdict: AnswerVerdict = "yes" if isinstance(needed, int) else "no"
-        said = f"A robot that changes nothing needs {needed} people; {at_most}"
-        reason = "" if verdict == "yes" else f"even a robot that changes nothing needs {needed} people"
+        said = f"For a robot that changes nothing, {needed} people are needed; {at_most}"
+        reason = "" if verdict == "yes" else f"even for a robot that changes nothing, {needed} people are needed"
         question = f"Can at most {CERTIFICATE_SIZES[-1]} people show transparency in {share}?"
     else:
         reached = int(first[-1])
@@ -192,10 +192,10 @@ def pilot_changes(pilot: Study) -> tuple[dict[str, np.ndarray], dict[str, float]
 
 
 def _active_words(ordered: bool) -> str:
-    orders = "in balanced orders, the largest carry-over that is declared" if ordered else "in no order"
+    orders = "in balanced orders, with the largest declared carry-over" if ordered else "without an order"
     return (
-        f"Each study has two conditions {orders}, a test for learning, and the tests of the shares of people within "
-        "and far beyond."
+        f"Each simulated study has two conditions {orders}, a test for learning, and the tests of the shares of people "
+        "within the margin and far beyond it."
     )
 
 
@@ -203,8 +203,8 @@ def _noise_words(active: Active) -> str:
     if not any(active.noise):
         return ""
     return (
-        f"Up to {100.0 * max(active.noise):.0f} % of the variance of its changes is noise of single movements, and no "
-        "difference between people. "
+        f"Up to {100.0 * max(active.noise):.0f} % of the variance of its changes comes from single movements, not from "
+        "differences between people. "
     )
 
 
@@ -247,13 +247,11 @@ def _of_pilot(
         _title(power),
         tuple(heads),
         tuple(rows),
-        f"{_tested(active.estimand, active.people, options['alpha'])}, people drawn from the pilot's {len(people)}, "
-        f"moved to the true change. {_active_words(active.order)} {options['studies']} studies simulated for each "
+        f"{_tested(active.estimand, active.people, options['alpha'])}, people resampled from the pilot's "
+        f"{len(people)}, shifted to the true change. {_active_words(active.order)} {options['studies']} studies simulated for each "
         "number of people. "
-        f"{_noise_words(active)}What so few people show of a distribution is itself uncertain.",
-        _plan_answer(
-            rows, power, participants, _basis(options["studies"], f"people sampled from the pilot's {len(people)}")
-        ),
+        f"{_noise_words(active)}With so few people, the distribution itself is uncertain.",
+        _plan_answer(rows, power, participants),
     )
 
 

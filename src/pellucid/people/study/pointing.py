@@ -438,7 +438,7 @@ def pointing_faults(record: PointingRecord, spec: AssessmentTable, labels: Seque
         what = f"an angle that is missing in {share:.2g} % of the samples{_which_marker(record, spec)}"
         add("note", "lost_marker", what, "all of them")
     if abs(record.drift) * (record.time[-1] - record.time[0]) > MARKER_CLOCK.min_reported_drift_s:
-        what = f"a clock that runs {1e6 * record.drift:+.0f} millionths fast against the channel position's"
+        what = f"a clock that runs {1e6 * record.drift:+.0f} ppm fast relative to that of the channel position"
         add("note", "drift", what, "one clock; it was corrected")
     named = [m for m in found if m.amplitude is not None]
     if named:
@@ -489,8 +489,8 @@ def _label_faults(
         return fault(
             "refuse",
             "amplitude",
-            f"movements {scale:.3g} times as large as their labels say",
-            "amplitudes as labelled: look at the units of angle and target, and at what the angle is an angle of",
+            f"movements {scale:.3g} times as large as their labels",
+            "amplitudes as labelled: check the units of angle and target, and which joint the angle belongs to",
         )
     found = strays(reach, label, labels, record.along)
     share = float(found.wrong.mean())
@@ -498,7 +498,7 @@ def _label_faults(
         mismatch_text = (
             found.mislabelled or f"{int(found.wrong.sum())} of {len(named)} movements {found.commonest(label)}"
         )
-        return fault("refuse", "amplitude", mismatch_text, "movements that go as far as their labels say")
+        return fault("refuse", "amplitude", mismatch_text, "movements with the labelled amplitudes")
     if share > LABELS_RULE.max_mistaken_share:
         miss = record.along.factor * float(np.median(np.abs(reach - label)[found.wrong]))
         what = (

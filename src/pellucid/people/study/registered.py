@@ -35,10 +35,11 @@ def register(study: Study) -> str:
         if registered is None:
             return f"No analysis is registered: {ANALYSIS_FILE} must be written before there are recordings."
         apart = "; ".join(own.deviations(registered))
-        return f"{ANALYSIS_FILE} registers another analysis ({apart}): there are recordings, and it stays as it is."
+        return f"{ANALYSIS_FILE} registers another analysis ({apart}). It is not changed, because recordings exist."
     path = Path(study.folder) / ANALYSIS_FILE
     try:
         write_text_atomically(path, own.to_toml())
     except OSError as error:
-        raise StudyError(f"{path}: found no way to write the analysis ({error.strerror}), expected one") from None
-    return f"Registered the analysis in {ANALYSIS_FILE}. Keep it unchanged: `assess` calls every other one post hoc."
+        raise StudyError(f"{path}: the analysis could not be written: {error.strerror}") from None
+    said = "Keep it unchanged: `assess` reports every other one as post hoc."
+    return f"Registered the analysis in {ANALYSIS_FILE}. {said}"

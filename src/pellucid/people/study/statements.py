@@ -54,7 +54,7 @@ def paragraph(found: AssessmentResult) -> str:
         ]
     ]
     if n < 2:
-        parts[0].append("With one participant there is no test: the figures describe this person and nobody else.")
+        parts[0].append("With one participant there is no test: the results describe this person only.")
     described = [name for name in index_names(lambda index: index.paragraph_place) if name in found.assessed]
     parts += [_index_sentences(found, found.assessed[name], alpha) for name in described]
     rest = _other_indices(found, alpha)
@@ -64,8 +64,8 @@ def paragraph(found: AssessmentResult) -> str:
         for c in each.comparison.pairwise
     ):
         rest.append(
-            f"A condition that no test tells from {found.control} is not thereby equal to it: its interval "
-            f"(CI, of the {ESTIMAND_WORDS[found.estimand]}) says how large the change may be."
+            f"A condition without a significant difference from {found.control} is not thereby equal to it: its "
+            f"interval (CI, of the {ESTIMAND_WORDS[found.estimand]}) shows how large the change may be."
         )
     parts += [rest, _isochrony_sentence(found) + ([_limits(found, alpha)] if n > 1 else [])]
     return "\n\n".join(" ".join(part) for part in parts if part)
@@ -104,7 +104,7 @@ def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> l
         if compared.pair(a, b) < alpha
     ]
     which = _listed([f"{a} from {b} ({p_statement(q)})" for a, b, q in pairs])
-    told = f"Nemenyi's test told {which}" if pairs else "Nemenyi's test could not say which"
+    told = f"Nemenyi's test distinguished {which}" if pairs else "Nemenyi's test identified no pair"
     return [*sentences, f"Conditions differed ({result}); {told}."]
 
 
@@ -162,8 +162,8 @@ def _isochrony_sentence(found: AssessmentResult) -> list[str]:
     else:
         clause = f"did not grow with amplitude along a straight line in every condition (mean R² as low as {where})"
     return [
-        f"Mean velocity {clause}; this relation alone says little about transparency, since it survives a robot that "
-        "slows people down."
+        f"Mean velocity {clause}. This relation alone is no evidence of transparency, because it persists with a robot "
+        "that slows people down."
     ]
 
 
@@ -172,8 +172,8 @@ def _limits(found: AssessmentResult, alpha: float) -> str:
     best = m * smallest_p(n)
     if best >= alpha:
         return (
-            f"With {n} participants the signed-rank test against control cannot give less than p = {best:.2g} after "
-            f"correction for {m} comparison{'s' if m != 1 else ''}, whatever the effect."
+            f"With {n} participants, the smallest possible p value of the signed-rank test against control is "
+            f"{best:.2g} after correction for {m} comparison{'s' if m != 1 else ''}, whatever the effect."
         )
     planned = [each for each in found.needed if each.change is not None]
     short = [each for each in planned if each.participants is not None and each.participants > n]
@@ -181,15 +181,15 @@ def _limits(found: AssessmentResult, alpha: float) -> str:
         each = min(short, key=lambda e: e.participants)
         return (
             f"A change of {found.indices[each.index].words.lower()} by {100 * each.change:g} % would have needed about "
-            f"{each.participants} participants to be found in 8 of 10 studies."
+            f"{each.participants} participants for a power of 80 %."
         )
     enough = [each for each in planned if each.participants is not None]
     if not enough:
-        return "How many participants would be needed cannot be told from fewer than three."
+        return "The number of participants needed cannot be estimated from fewer than three."
     each = min(enough, key=lambda e: (e.index != MOVEMENT_DURATION.name, e.change))
     return (
-        f"There were participants enough to find a change of {found.indices[each.index].words.lower()} by "
-        f"{100 * each.change:g} % in 8 of 10 studies like this one."
+        f"The number of participants was sufficient to detect a change of {found.indices[each.index].words.lower()} by "
+        f"{100 * each.change:g} % with a power of 80 %."
     )
 
 
