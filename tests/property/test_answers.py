@@ -109,7 +109,7 @@ def test_a_study_repeats_the_defaults_that_nobody_confirmed(tmp_path):
 def test_a_finding_that_the_figures_are_wrong_comes_first_and_ends_with_a_reason():
     answer = spoilt(PLAIN, "the fit failed")
     assert answer.sentence == (
-        "First correct this: the fit failed. Until then no figure describes what was recorded. It errs by 3 %."
+        "Correct this first: the fit failed. Until then, the results do not describe the recordings. It errs by 3 %."
     )
     assert unanswered_message([PLAIN, answer]) == "cannot say: the fit failed."
     assert unanswered_message([PLAIN]) == ""

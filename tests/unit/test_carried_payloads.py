@@ -79,8 +79,8 @@ def test_a_mass_that_set_the_gains_is_not_compared_with_what_was_stated():
     assert np.isnan(found["loaded"].error)
     (said,) = report_payload(SimpleNamespace(payloads=tuple(found.values())))
     assert said.kind == "note"
-    assert "set the gains of the drives, so that it cannot test them" in said.text
-    assert "comes out" not in said.text
+    assert "used to estimate the gains of the drives, so that it cannot test them" in said.text
+    assert "estimated payload" not in said.text
 
 
 def test_each_of_several_masses_that_set_the_gains_is_judged_by_the_others():
@@ -95,7 +95,7 @@ def test_each_of_several_masses_that_set_the_gains_is_judged_by_the_others():
     assert found["wrong"].mass.value == pytest.approx(TRUE_MASS, rel=0.03)
     assert found["right"].mass.value == pytest.approx(1.2 * TRUE_MASS, rel=0.03)
     texts = [said.text for said in report_payload(SimpleNamespace(payloads=tuple(found.values())))]
-    assert all("by gains from the other payloads" in text for text in texts)
+    assert all("with gains from the other payloads" in text for text in texts)
 
 
 def test_payloads_on_two_links_do_not_set_gains_together():

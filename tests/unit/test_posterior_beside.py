@@ -37,18 +37,18 @@ def said(compared, found):
 def test_widths_within_a_factor_of_two_agree():
     found = posterior(drawn("gravity", 1.0, 0.15))
     assert said(pair_with_posterior([Parameter("gravity", "N*m", 1.0, 0.1)], found), found) == [
-        ("good", "Where an interval and the posterior can both be read, they agree within a factor of 2.")
+        ("good", "The widths of intervals and posterior agree within a factor of 2.")
     ]
 
 
-@pytest.mark.parametrize(("spread", "word"), [(0.3, "too narrow"), (0.03, "too wide")])
+@pytest.mark.parametrize(("spread", "word"), [(0.3, "narrower"), (0.03, "wider")])
 def test_widths_further_apart_are_told_with_both_intervals(spread, word):
     found = posterior(drawn("gravity", 1.0, spread))
     [one] = pair_with_posterior([Parameter("gravity", "N*m", 1.0, 0.1)], found)
     assert word in one.told(0.95)
     [(kind, text)] = said([one], found)
     assert kind == "warning"
-    assert "0.80 to 1.20 by the fit" in text
+    assert "0.80 to 1.20 from the fit" in text
 
 
 def test_of_a_refused_interval_it_is_said_whether_the_data_or_the_prior_tell():
@@ -56,7 +56,7 @@ def test_of_a_refused_interval_it_is_said_whether_the_data_or_the_prior_tell():
     told = drawn("gravity", 1.0, 0.1)
     [(kind, text)] = said([ComparedPosterior(refused, told)], posterior(told))
     assert kind == "note"
-    assert "refused; the posterior, told by the data, is 0.81 to 1.20 N·m" in text
+    assert "its posterior, which the data determine, is 0.81 to 1.20 N·m" in text
     guessed = replace(told, prior_share=0.9)
     [(_, text)] = said([ComparedPosterior(refused, guessed)], posterior(guessed))
     assert "gravity is told by the prior, not by the data" in text
@@ -68,7 +68,7 @@ def test_of_draws_that_have_not_settled_nothing_is_read():
     compared = [ComparedPosterior(Parameter("gravity", "N*m", 1.0, 0.1), one)]
     [(kind, text)] = said(compared, posterior(one, unsettled="R-hat 1.2"))
     assert kind == "warning"
-    assert "nothing is read" in text
+    assert "is not used" in text
     assert posterior_table("", compared, 0.95).rows[0][4] == "not settled"
 
 

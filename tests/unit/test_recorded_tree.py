@@ -202,8 +202,8 @@ def test_a_gear_of_the_wrong_sign_is_named(tmp_path):
     alone = changed(("shoulder = -50.0", "shoulder = 50.0"), ("{ shoulder = 30.0, elbow", "{ elbow"))
     said = refused(tmp_path, text=alone, gears=np.diag([-50.0, 30.0]))
     assert "channel motor_position.shoulder: found" in said
-    assert "of the efforts unexplained as with joint shoulder" in said
-    assert "try the other sign of turns.shoulder" in said
+    assert "of the efforts unexplained as with the sign of joint shoulder reversed" in said
+    assert "try the opposite sign of turns.shoulder" in said
 
 
 def test_a_sensor_behind_the_friction_shows_signs_by_what_bodies_need(tmp_path):

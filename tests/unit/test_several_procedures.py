@@ -130,5 +130,5 @@ def test_one_function_runs_all_or_one_by_its_name(make_study, monkeypatch):
         run(study, "jiont")
     with pytest.raises(PellucidError, match="run: found options of jiont"):
         run(study, jiont=quick)
-    with pytest.raises(IdentificationError, match=r"no table \[hinge\] and asks for nothing that hinge does"):
+    with pytest.raises(IdentificationError, match=r"no table \[hinge\], so that hinge does not apply"):
         run(study, "hinge")

@@ -16,7 +16,7 @@ from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow, require_own_page, write_rows
 from pellucid_lab.ranking.rank import rank
 
-STALE = r"joint\.json: found a stale card: {} changed since it was made; identify again: pellucid identify "
+STALE = r"joint\.json: found an outdated card: {} changed since it was made; identify again: pellucid identify "
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def test_a_changed_machine_makes_a_card_stale(study):
     assert run.exit_code != 0
     assert "identify again" in str(run.exception)
     assert not (study.folder / "controller").exists()
-    with pytest.raises(PellucidError, match="found a stale card"):
+    with pytest.raises(PellucidError, match="found an outdated card"):
         pl.compare(study.folder, study.folder)
     card = study.models_dir / "joint.json"
     assert pl.compare(card, card).rows  # a card that is named is a record
@@ -84,7 +84,7 @@ def test_a_card_of_another_study_is_told(study, tmp_path, make_study):
     assert joint_values(open_study(other)).numbers  # a copy of all that it was made from, under another name
     lines = (other / "recordings" / "sweep.csv").read_text().splitlines()
     (other / "recordings" / "sweep.csv").write_text("\n".join(lines[:-1]) + "\n")
-    with pytest.raises(PellucidError, match="found a stale card of the study bench: recordings"):
+    with pytest.raises(PellucidError, match="found an outdated card of the study bench: recordings"):
         joint_values(open_study(other))
 
 
@@ -95,7 +95,7 @@ def test_an_old_card_is_used_unless_its_recordings_are_others_and_said(study):
     values = joint_values(study)
     assert any("joint.json does not say what it was made from" in note for note in values.notes)
     write_card(path, replace(old, checksums={name: "0" * 64 for name in old.checksums}))
-    with pytest.raises(PellucidError, match="found a stale card: the recordings"):
+    with pytest.raises(PellucidError, match="found an outdated card: its recordings"):
         joint_values(study)
     write_card(path, replace(old, made_from={"procedure": "nothing"}))
     with pytest.raises(PellucidError, match='unknown procedure "nothing"'):

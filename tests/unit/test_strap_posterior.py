@@ -53,5 +53,5 @@ def test_a_strap_at_its_bound_is_refused(swings):
     torque = [from_orthosis(swings[0], PAIR.orthosis)]
     fit = fit_coupling(swings[:1], torque)
     held = replace(fit, damping=replace(fit.damping, at_bound=True))
-    with pytest.raises(IdentificationError, match="stopped at a bound"):
+    with pytest.raises(IdentificationError, match="is on its bound"):
         strap_posterior(swings[:1], torque, held)

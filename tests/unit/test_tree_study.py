@@ -141,12 +141,12 @@ def test_each_joint_has_an_answer_in_every_output(study, found):
     assert row.value == 1.0
     assert row.note.startswith("elbow: yes: ")
     assert found.answer.verdict == "yes"
-    (table,) = (t for t in found.tables if t.title.startswith("Joints, whether"))
+    (table,) = (t for t in found.tables if t.title.startswith("Prediction of each joint"))
     assert table.rows[0][:2] == ("shoulder", "yes")
     assert "effort error" in table.rows[0][2]
     resting = replace(found, traces=tuple(replace(t, moving=t.moving * [1, 0]) for t in found.traces))
     assert resting.joint_answers[1].verdict == "cannot say"
-    assert "of the fitted rows alone" in resting.joint_answers[1].reason
+    assert "in only " in resting.joint_answers[1].reason
     page = tree_page.page(study, found)
     assert any(section.id == "joints" and section.tables for section in page.sections)
     assert "The model predicts 2 of 2 joints" in page.said

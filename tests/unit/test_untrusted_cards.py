@@ -128,6 +128,6 @@ def test_a_card_may_not_lie_elsewhere_or_be_a_device(make_study):
     with pytest.raises(PellucidError, match="found no regular file"):
         read_card(Path("/dev/zero"))
     shutil.copy(OLD / "bench/models/joint.json", study.models_dir / "other.json")
-    with pytest.raises(PellucidError, match=r"other\.json: found a stale card: the recordings"):
+    with pytest.raises(PellucidError, match=r"other\.json: found an outdated card: its recordings"):
         values_for(open_study(study.folder), card="other.json")
     assert values_for(open_study(study.folder, accept_stale=True), card="other.json").numbers

@@ -158,7 +158,7 @@ def test_what_was_kept_by_somebody_else_is_found_again(make_study, monkeypatch, 
     keep_result(path, fingerprint(study, procedure), replace(result, families="none", rows=3))
     said = []
     assert pl.report(study, on_progress=lambda text, share: said.append(text)).is_file()
-    assert "identify again: nothing that you kept is fresh" in said
+    assert "identify again, because its kept results are outdated" in said
 
 
 def test_a_study_file_as_long_as_a_book_is_refused_at_once(make_study):

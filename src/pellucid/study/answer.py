@@ -344,8 +344,8 @@ def answer_of_findings(headline: str, findings: Iterable[tuple[str, str]], quest
 
 
 def spoilt(answer: Answer, flaw: str) -> Answer:
-    """Return an answer to a question that cannot be answered, because a finding says that the figures are wrong."""
-    text = f"First correct this: {flaw.rstrip('.')}. Until then no figure describes what was recorded. "
+    """Return the answer "cannot say", because a finding shows that the results are wrong."""
+    text = f"Correct this first: {flaw.rstrip('.')}. Until then, the results do not describe the recordings. "
     return replace(answer, verdict="cannot say", reason=flaw, said=text + begun(answer.said))
 
 

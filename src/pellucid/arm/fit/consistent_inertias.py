@@ -382,7 +382,7 @@ class _Problem:
         return np.array(solution.x) if str(solution.status) in SOLVED_STATUSES else None
 
 
-FROM_PRIOR_REASON = "from the prior: the motion does not show it"
+FROM_PRIOR_REASON = "from the prior: the motion does not identify it"
 """Reason for refusing the interval of a parameter whose value comes from the maker's bodies."""
 
 

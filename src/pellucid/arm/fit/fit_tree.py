@@ -258,7 +258,7 @@ def estimate_uncertainty(at: LinearisedModel, found: TreeSolution) -> TreeUncert
     return TreeUncertainty(covariance, freedom, textbook)
 
 
-UNDETERMINED_REASON = "nothing in these recordings tells it from the others"
+UNDETERMINED_REASON = "these recordings do not distinguish it from the other parameters"
 """Reason for refusing the interval of a parameter that the recordings do not determine."""
 
 GRID_SEARCH_REASON = "searched on a grid, not fitted"

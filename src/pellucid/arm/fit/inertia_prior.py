@@ -332,8 +332,8 @@ def fit_consistent(
 
 
 def _prior_note(prior: InertiaPrior) -> str:
-    source = "the robot's description states" if prior.stated else "are guessed from the places of the joints"
-    return f"where efforts tell little, bodies are near those that {source}"
+    source = "stated in the robot's description" if prior.stated else "guessed from the positions of the joints"
+    return f"where efforts determine them poorly, inertias are close to those {source}"
 
 
 def _cost_note(found: ConsistentSolution, prior: InertiaPrior) -> str:
@@ -344,10 +344,10 @@ def _cost_note(found: ConsistentSolution, prior: InertiaPrior) -> str:
     alone = solve_consistent(found.spread.model, found.at.rows, start=start, solver=entropic_solver(light))
     share, prior_share = (100.0 * each.fit.loss / least for each in (alone, found))
     if share <= PRIOR_SETTINGS.max_negligible_cost_percent:
-        text = "bodies that can exist make just the effort of least squares"
+        text = "consistent inertias fit as well as least squares"
     else:
         text = (
-            "no bodies that can exist make just the effort of least squares: the nearest raise the weighted sum of "
-            f"squared residuals by {share:.2g} %"
+            "consistent inertias do not fit as well as least squares: the nearest increase the weighted sum of squared "
+            f"residuals by {share:.2g} %"
         )
-    return f"{text}; with these bodies it is {prior_share:.2g} % higher"
+    return f"{text}; with the chosen inertias it is {prior_share:.2g} % higher"

@@ -94,8 +94,8 @@ def collect_loaded_rows(
         )
     if not empty or not loaded or not all(loaded):
         raise IdentificationError(
-            "a payload needs recordings with it and without; found "
-            f"{len(empty)} without and {sum(map(len, loaded))} with: record the same motion both ways"
+            "a payload needs recordings with and without it; found "
+            f"{len(empty)} without and {sum(map(len, loaded))} with: record the same motion with and without it"
         )
     at = len(children) - 1 if link is None else children.index(link)
     motions = [*empty, *(x for each in loaded for x in each)]
@@ -168,7 +168,7 @@ class PayloadEstimate(Estimates):
     def _facts(self) -> tuple[str, ...]:
         if self.consistent:
             return ()
-        return ("least squares alone is no body that can exist; this is the nearest that is",)
+        return ("the least-squares solution is not physically consistent; this is the nearest consistent one",)
 
 
 def identify_payload(
@@ -454,7 +454,7 @@ def gains_from_payload(
     if not np.all(gamma > 0.0):
         i = int(np.argmin(gamma))
         raise IdentificationError(
-            f"motor of {robot.names[i]}: the payload asks for a gain below 0; check the sign of its drive and the mass"
+            f"motor of {robot.names[i]}: the payload gives a negative gain; check the sign of its drive and the mass"
         )
     left = np.array([1.0 / sums.without(s).solved(gamma, x.copy(), fixed)[0] for s in range(len(sums.count))])
     return tuple(

@@ -325,8 +325,8 @@ def optimised_tree_fourier(
     ranked = sorted(((cost(series), i, series) for i, series in enumerate(tried)), key=lambda one: one[:2])
     if not np.isfinite(ranked[0][0]):
         raise PellucidError(
-            f"excitation: no motion of {drawn} drawn tells the parameters apart; expected base parameters, of which "
-            "none is a sum of others, and limits that let every joint move"
+            f"excitation: none of {drawn} sampled motions identifies all parameters; expected independent base "
+            "parameters and limits that let every joint move"
         )
     best, least = ranked[0][2], ranked[0][0]
     parameters = len(information(*best.motion(time)))

@@ -579,7 +579,7 @@ def _require_signs(where: str, robot: Robot, motions: Sequence[TreeMotion]) -> t
     shares = friction_power_shares(robot, motions)
     notes = []
     for name, share in zip(robot.names, shares, strict=True):
-        found = f"friction of joint {name} that gives energy, {-100 * share:.2g} % of its effort times its speed"
+        found = f"friction of joint {name} that delivers energy, {-100 * share:.2g} % of its effort times its speed"
         if share < -SIGN_THRESHOLDS.sensor_power_threshold:
             raise IdentificationError(
                 f"{where}: effort: found {found}: the effort has the opposite sign of the position, expected one that "

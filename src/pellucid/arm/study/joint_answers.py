@@ -30,13 +30,13 @@ def answer_joints(
         if wrong:
             made.append(AnswerPart(name, "cannot say", f"first correct: {', '.join(wrong)}"))
         elif errors is None:
-            made.append(AnswerPart(name, "cannot say", "nothing was held out"))
+            made.append(AnswerPart(name, "cannot say", "no recording was held out"))
         elif not np.isfinite(error):
-            made.append(AnswerPart(name, "cannot say", f"it rests on {where}"))
+            made.append(AnswerPart(name, "cannot say", f"the joint does not move on {where}"))
         elif error > MAX_GOOD_ERROR:
             made.append(AnswerPart(name, "no", f"{text}, more than {MAX_GOOD_ERROR:g} %"))
         elif moving[k] < MIN_MOVING_SHARE:
-            share = f"it moves in {percent(100.0 * moving[k])} % of the fitted rows alone"
+            share = f"the joint moves in only {percent(100.0 * moving[k])} % of the fitted rows"
             made.append(AnswerPart(name, "cannot say", share))
         else:
             made.append(AnswerPart(name, "yes", text))

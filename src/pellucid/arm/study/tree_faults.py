@@ -151,9 +151,9 @@ def _velocities(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> It
                 np.ptp(motion.position[:, k]) > MIN_MOVING_RANGE[robot.prismatic[k]]
                 and not abs(slope - 1.0) <= MOTION_THRESHOLDS.max_velocity_difference
             ):
-                degrees = "; is one of them in degrees?" if 50.0 < max(slope, 1.0 / slope) < 65.0 else ""
-                looks = "; turn one of them around" if slope < 0.0 else degrees
-                found = f"a velocity {slope:.3g} times what position does in recording {motion.recording}"
+                degrees = "; one of them is probably in degrees" if 50.0 < max(slope, 1.0 / slope) < 65.0 else ""
+                looks = "; reverse the sign of one of them" if slope < 0.0 else degrees
+                found = f"a velocity {slope:.3g} times the position's derivative in recording {motion.recording}"
                 fault = _fault("refuse", "velocity", file, f"velocity.{name}", found, f"1 time{looks}")
                 yield warn_if_held_out(fault, motion.use)
 
@@ -170,9 +170,9 @@ def _resting(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Itera
         found = f"joint {name} within {np.ptp(places):.3g} {unit} in all that is fitted ({rows} rows that move)"
         where = f"{np.median(places):.4g} {unit}"
         hold = (
-            f'leave its [[rig.joints]] out and say [tree] held = {{ {name} = "{where}" }}'
+            f'remove its [[rig.joints]] and write [tree] held = {{ {name} = "{where}" }}'
             if study.table(TreeTable).urdf is not None
-            else "add its body to that of the joint before"
+            else "add its body to that of the joint before it"
         )
         wanted = f"a joint that moves: record it moving, make dead_band smaller if it is slow, or {hold}"
         yield _fault("refuse", "resting_joint", _files(study), _channel(study, robot, k), found, wanted)
@@ -189,8 +189,8 @@ def _together(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iter
             ratio = float(v[:, i] @ v[:, k]) / size[i] ** 2
             found = f"{pair} moving only together (speeds {ratio:.3g} to 1, correlation {alike:.5f})"
             wanted = (
-                "a motion in which each moves by itself; if one motor moves both, say its turns, and if the channels "
-                "are the same column, name the right one"
+                "a motion in which each moves separately; if one motor moves both, state its turns; if both channels "
+                "use the same column, correct one"
             )
             yield _fault("refuse", "joined_joints", _files(study), _channel(study, robot, k), found, wanted)
 
@@ -210,10 +210,10 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
     )
     for k in wrong:
         name = robot.names[k]
-        found = f"friction of joint {name} that gives energy, {-100 * shares[k]:.2g} % of its effort times its speed"
+        found = f"friction of joint {name} that delivers energy, {-100 * shares[k]:.2g} % of its effort times its speed"
         turns = f", or, of turns.{name}," if joints[name].turns else ", or"
         wanted = (
-            f"one that takes it: the effort has the other sign than the motion; write sign = -1 for the drive's "
+            "friction that dissipates energy: effort and motion have opposite signs; write sign = -1 for the drive's "
             f"channel{turns} for the position's, whichever is wrong"
             + (", or of a joint that shares its motor" if any(robot.turns_array[i, k] for i in robot.shared) else "")
         )
@@ -225,7 +225,7 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
     if alike < MOTION_THRESHOLDS.opposed_correlation and (urdf is None or urdf.has_bodies):
         found = f"efforts that oppose what the stated bodies need (correlation {alike:.2f})"
         yield _fault(
-            "refuse", "sign", _files(study), "", found, "the other sign of all drives' channels, or of gravity"
+            "refuse", "sign", _files(study), "", found, "the opposite sign of all drive channels, or of gravity"
         )
         return
     zeros = np.array([joints[name].zero if joints[name].turns else _offset(study, robot, name) for name in robot.names])
@@ -236,11 +236,11 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
         either = " or ".join([name, *(robot.names[i] for i in turned.others)])
         what = f"{'the effort of ' * turned.effort_alone}joint {either}"
         by = "by the stated bodies " * turned.stated
-        found = f"{turned.ratio:.3g} times as much of the efforts unexplained {by}as with {what} turned around"
+        found = f"{turned.ratio:.3g} times as much of the efforts unexplained {by}as with the sign of {what} reversed"
         if turned.effort_alone:
             of = f"the drive's channel of {name}"
         wanted = (
-            f"less: a joint's sign and its gear's are those of the robot's file; try the other sign of {of}"
+            f"less: signs of joints and gears are those of the robot's file; try the opposite sign of {of}"
             + (", or of the other's" if turned.others else "")
             + ", and zeros"
         )
@@ -287,5 +287,5 @@ def _limits(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterat
         excess = MOTION_THRESHOLDS.max_limit_excess_share * (high - low)
         if least < low - excess or most > high + excess:
             found = f"joint {name} from {least:.4g} to {most:.4g} {unit}"
-            wanted = f"{low:.4g} to {high:.4g} {unit}, its limits: are zero, sign and unit right?"
+            wanted = f"{low:.4g} to {high:.4g} {unit}, its limits; check zero, sign and unit"
             yield _fault("note", "limits", _files(study), _channel(study, robot, k), found, wanted)

@@ -163,12 +163,12 @@ def efforts(trace: TreeTrace, names: Sequence[str], units: Sequence[str], errors
         room=0.25,
     )
     axes[-1, 0].set_xlabel("Time (s)")
-    axes[-1, 1].set_xlabel("Time (s), where it is worst")
+    axes[-1, 1].set_xlabel("Time (s), largest error")
     return Drawing(
         "effort",
         figure,
-        f"Effort of each joint along {trace.recording.replace('_', ' ')}: measured, predicted where the joint moves, "
-        "and the difference; at the right the stretch, shaded at the left, in which the difference is largest.",
+        f"Effort of each joint in {trace.recording.replace('_', ' ')}: measured, predicted where the joint moves, and "
+        "the difference. Right: the segment with the largest difference, shaded at the left.",
     )
 
 
@@ -267,9 +267,9 @@ def friction(curves: Sequence[FrictionCurve]) -> Drawing:
     return Drawing(
         "friction",
         figure,
-        "Friction of each joint against its velocity. Dots are what is left of its measured effort without bodies and "
-        "other joints' motors, curves the model, each for little, medium and much load as the colours say: where they "
-        "part, friction grows with the load.",
+        "Friction of each joint against its velocity. Dots: measured effort minus that of bodies and of other joints' "
+        "motors. Curves: the model at low, medium and high load (colours). Where the curves differ, friction depends "
+        "on the load.",
     )
 
 
@@ -295,8 +295,8 @@ def friction_by_load(curves: Sequence[FrictionCurve]) -> Drawing:
     return Drawing(
         "friction-load",
         figure,
-        "Friction of each joint against the load that it carries, less what the model has at that speed without load: "
-        "dots as recorded, the line as the model has it.",
+        "Load friction of each joint: friction against the load, minus the modelled friction without load at the same "
+        "speed. Dots: recorded. Line: model.",
     )
 
 
@@ -326,10 +326,9 @@ def shown_parameters(rows: Sequence[str], columns: Sequence[str], cells: Mapping
     return Drawing(
         "shown",
         figure,
-        "How well the motion shows each parameter: its relative standard deviation in per cent. Green up to "
+        "Relative standard deviation of each parameter in percent. Green: up to "
         f"{FIGURE_SETTINGS.max_good_sd_percent:g} %, blue up to {FIGURE_SETTINGS.max_fair_sd_percent:g} %, "
-        "orange above; an empty place belongs to a number that no motion of this "
-        "robot tells from the others, which its neighbours stand for.",
+        "orange: above. Empty: parameters that no motion of this robot identifies separately; others represent them.",
     )
 
 
@@ -379,8 +378,8 @@ def chosen_families(
     return Drawing(
         "families",
         figure,
-        f"Friction terms in addition to viscous and dry friction. Numbers count in how many of {folds} "
-        "cross-validation folds each joint's term was chosen; ✓ marks the choice on all segments.",
+        "Friction terms in addition to viscous and dry friction. Each number states in how many of "
+        f"{folds} cross-validation folds the term was chosen for the joint; ✓ marks the choice on all segments.",
     )
 
 
@@ -410,8 +409,8 @@ def intervals(stated: np.ndarray, jackknife: np.ndarray, share: float) -> Drawin
     return Drawing(
         "intervals",
         figure,
-        f"Stated standard errors against those found by leaving out each segment in turn and fitting again: "
-        f"{number(share, digits=3)} % are within a factor of two, the band.",
+        "Stated standard errors against those of the jackknife over segments: "
+        f"{number(share, digits=3)} % agree within a factor of two (band).",
     )
 
 
@@ -443,13 +442,13 @@ def ripples(spectra: Sequence[RippleSpectrum]) -> Drawing:
         )  # fmt: skip
         tidy(axis, first=True, text=f"Amplitude ({unit_text(spectrum.unit)})", ticks=5)
         axis.set_ylim(0.0, 1.12 * float(np.nanmax(spectrum.amplitude)))
-        axis.set_xlabel("Periods in a turn of the motor, gears taken out")
+        axis.set_xlabel("Periods per turn of the motor")
         axis.set_title(short(spectrum.joint), fontweight="bold", fontsize=9.5)
     return Drawing(
         "ripple",
         figure,
-        "What drives add as they go round: amplitude of a wave in what the model leaves over, its own ripple left in, "
-        "against how often it comes in a turn.",
+        "Torque ripple of the drives: amplitude spectrum of the residuals of the model without ripple, over the number "
+        "of periods per turn of the motor.",
     )
 
 
@@ -471,9 +470,9 @@ def arm(found: TreeResult, errors: Mapping[str, Sequence[float]], judged: str, n
     ways, seconds = stick_figure(left, found.robot.tree, trace.time, trace.position, worst=worst, name=name)
     error_dots(right, found.names, errors, {MODEL_DESCRIPTIONS[model]: role for model, role in MODEL_ROLES.items()})
     caption = (
-        f"Left: the arm, along {seconds:.3g} s of {trace.recording.replace('_', ' ')}: links as lines, joints as "
-        "circles, their axes as short strokes; faint is where else it was, the thin line the way of its end. Orange: "
-        f"the joint that is predicted worst. Right: how much of each joint's effort is missed on {judged}, by model."
+        f"Left: the arm during {seconds:.3g} s of {trace.recording.replace('_', ' ')}, with links as lines, joints as "
+        "circles and axes as short strokes. Faint: other postures; thin line: path of the end. Orange: the joint with "
+        f"the largest error. Right: effort error of each joint on {judged}, by model."
     )
     return MovingDrawing(name, figure, caption, ways=ways, seconds=seconds)
 

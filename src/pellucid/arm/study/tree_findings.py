@@ -43,13 +43,14 @@ def report_bodies(case: TreeResult) -> Iterator[Verdict]:
         return
     loss = bodies.mean - best.mean
     notes_text = "; ".join(case.models["consistent"].notes)
-    text = f"Bodies that can exist change the mean error on {ROW_KIND_DESCRIPTIONS[case.judged]} by {loss:+.2g} points"
+    text = "Physically consistent inertias change the mean error on "
+    text += f"{ROW_KIND_DESCRIPTIONS[case.judged]} by {loss:+.2g} percentage points"
     text += f" ({notes_text})." if notes_text else "."
     if loss <= FINDING_THRESHOLDS.max_negligible_loss:
         yield Verdict("good", text)
     else:
         yield Verdict(
-            "warning", text, "Check masses, signs and gears: efforts ask for bodies that cannot be.", weight=loss
+            "warning", text, "Check masses, signs and gears: the efforts imply impossible inertias.", weight=loss
         )
 
 
@@ -61,7 +62,8 @@ def report_drive_ripple(case: TreeResult) -> Iterator[Verdict]:
     ]
     if ripple_texts:
         text = (
-            f"Drives add a ripple as they go round, which is in the model (gears taken out): {'; '.join(ripple_texts)}."
+            "The drives have torque ripple, which the model includes (per turn of the motor): "
+            f"{'; '.join(ripple_texts)}."
         )
         yield Verdict("note", text)
 
@@ -72,8 +74,8 @@ def report_hardly_moved(case: TreeResult) -> Iterator[Verdict]:
         if share < MIN_MOVING_SHARE:
             yield Verdict(
                 "warning",
-                f"Joint {joint} moves in {100.0 * share:.2g} % of the fitted rows: its friction rests on these.",
-                "Record motion in which it goes both ways, slowly and fast.",
+                f"Joint {joint} moves in only {100.0 * share:.2g} % of the fitted rows, which determine its friction.",
+                "Record motion of this joint in both directions, slowly and fast.",
                 weight=MIN_MOVING_SHARE - share,
             )
 
@@ -83,7 +85,7 @@ def report_held_by_a_bound(case: TreeResult) -> Iterator[Verdict]:
     named = (p.name.rpartition(".") for p in case.best.parameters.values() if p.at_bound)
     held = [f"{number} of {of}".replace("_", " ") for of, _, number in named]
     if held:
-        text = f"A physical bound holds {', '.join(held)}: there is none to see, or another term has taken its share."
+        text = f"On a physical bound: {', '.join(held)}. The effect is absent, or another term represents it."
         yield Verdict("note", text, weight=len(held))
 
 
@@ -105,8 +107,8 @@ def report_heldout_worse(case: TreeResult) -> Iterator[Verdict]:
     for joint, (a, b) in worse.items():
         yield Verdict(
             "warning",
-            f"At {joint} the model misses {b:.2g} % on {ROW_KIND_DESCRIPTIONS[case.judged]} and {a:.2g} % on what was "
-            "fitted: it has learnt what does not last, or the machine has changed.",
+            f"At {joint} the error is {b:.2g} % on {ROW_KIND_DESCRIPTIONS[case.judged]} and {a:.2g} % in the fitted "
+            "recordings: the model overfits, or the machine has changed.",
             "Record more motion of that kind, or compare recordings of one day.",
             weight=b / a,
         )
@@ -118,16 +120,15 @@ def report_heldout_worse(case: TreeResult) -> Iterator[Verdict]:
     for joint, error in large.items():
         yield Verdict(
             "warning",
-            f"At {joint} the model misses {error:.2g} % on {ROW_KIND_DESCRIPTIONS[case.judged]}, more than the "
+            f"At {joint} the error is {error:.2g} % on {ROW_KIND_DESCRIPTIONS[case.judged]}, more than the "
             f"{MAX_GOOD_ERROR:g} % of a good prediction.",
-            "Look for what the model lacks there: load friction, ripple, a cable, or an effort that is hardly used.",
+            "Look for an effect that the model lacks: load friction, ripple, a cable, or very small efforts.",
             weight=error / 100.0,
         )
     if not worse and not large:
         text = (
-            f"On {ROW_KIND_DESCRIPTIONS[case.judged]} no joint is predicted more than "
-            f"{FINDING_THRESHOLDS.max_error_ratio:g} times worse than on what was fitted, and each to "
-            f"{MAX_GOOD_ERROR:g} % or better."
+            f"On {ROW_KIND_DESCRIPTIONS[case.judged]}, the error of every joint is at most {MAX_GOOD_ERROR:g} % and at "
+            f"most {FINDING_THRESHOLDS.max_error_ratio:g} times that in the fitted recordings."
         )
         yield Verdict("good", text)
 
@@ -137,12 +138,12 @@ def report_honest_intervals(case: TreeResult) -> Iterator[Verdict]:
     if case.jackknife is None:
         return
     share = case.jackknife.share_within
-    text = f"{share:.3g} % of the standard errors are within a factor of two of what leaving out each segment shows"
-    text += f"; the textbook's are {case.jackknife.textbook_ratio:.2g} times too small."
+    text = f"{share:.3g} % of the standard errors agree with the jackknife over segments within a factor of two"
+    text += f"; ordinary least-squares errors are {case.jackknife.textbook_ratio:.2g} times too small."
     if share >= FINDING_THRESHOLDS.min_agreeing_percent:
         yield Verdict("good", text)
     else:
-        do = "Record longer: there are too few segments to tell how sure the numbers are."
+        do = "Record longer: there are too few segments to estimate standard errors."
         yield Verdict("warning", text, do)
 
 
@@ -161,21 +162,22 @@ def report_payload(case: TreeResult) -> Iterator[Verdict]:
     for p in case.payloads:
         if p.mass.refused:
             do = "Move the link that carries it in more directions."
-            yield Verdict("note", f"The mass of the payload of {p.recording} is not told by its motion.", do)
+            yield Verdict("note", f"The motion of {p.recording} does not identify the mass of its payload.", do)
             continue
         if p.tests == "nothing":
             yield Verdict(
                 "note",
-                f"The payload of {p.recording} set the gains of the drives, so that it cannot test them.",
+                f"The payload of {p.recording} was used to estimate the gains of the drives, so that it cannot test "
+                "them.",
                 'Record another known payload with use = "validate": its mass is then predicted.',
             )
             continue
-        text = f"The payload of {p.recording} comes out as {p.mass.value:.4g} kg"
+        text = f"The estimated payload of {p.recording} is {p.mass.value:.4g} kg"
         if p.known is None:
             yield Verdict("note", f"{text}.")
             continue
-        text += ", by gains from the other payloads" if p.tests == "gains of other payloads" else ""
-        text += f", {p.error:.2g} % from the {p.known:.4g} kg that were stated."
+        text += ", with gains from the other payloads" if p.tests == "gains of other payloads" else ""
+        text += f", {p.error:.2g} % from the stated {p.known:.4g} kg."
         if p.error <= FINDING_THRESHOLDS.max_mass_error_percent:
             yield Verdict("good", text, weight=p.error)
         else:
@@ -197,9 +199,9 @@ def report_recordings_disagree(case: TreeResult) -> Iterator[Verdict]:
         ):
             yield Verdict(
                 "warning",
-                f"One model for all recordings misses {errors[worst]:.2g} % of {joint}'s effort in {worst} and "
-                f"{errors[best]:.2g} % in {best}: something has changed between them, warmth or a payload perhaps.",
-                "Identify each alone and compare, or say in study.toml what was different.",
+                f"One model for all recordings has an error of {errors[worst]:.2g} % of {joint}'s effort in {worst} "
+                f"and {errors[best]:.2g} % in {best}: something changed between them, such as temperature or a payload.",
+                "Identify each recording separately and compare, or state the difference in study.toml.",
                 weight=errors[worst] / errors[best],
             )
 
@@ -217,9 +219,9 @@ def report_unknown_gain(case: TreeResult) -> Iterator[Verdict]:
         several = len(case.names) > 1
         yield Verdict(
             "warning" if several else "note",
-            f"Gains of the drives of {', '.join(unknown)} are not known: numbers of these joints are per unit of the "
-            "drive, and say nothing of newton metres."
-            + (" Joints that carry the same bodies are fitted as if their gains were alike." if several else ""),
+            f"The drive gains of {', '.join(unknown)} are unknown: parameters of these joints are per unit of the "
+            "drive, not in newton metres."
+            + (" Joints that carry the same bodies are fitted as if their gains were equal." if several else ""),
             'Write a torque_constant in [rig.joints.drive], or [tree] gains = "desired" or "payload".',
         )
 
@@ -229,8 +231,8 @@ def report_weak_numbers(case: TreeResult) -> Iterator[Verdict]:
     weak = {joint: ", ".join(own) for k, joint in enumerate(case.names) if (own := unidentified_parameters(case, k))}
     if weak:
         names_text = "; ".join(f"{joint}: {names}" for joint, names in weak.items())
-        do = "Record these joints slowly and fast, both ways, with more load and less."
-        yield Verdict("note", f"Not sure of a joint's own numbers: {names_text}.", do, weight=len(weak))
+        do = "Record these joints slowly and fast, in both directions, with different loads."
+        yield Verdict("note", f"Uncertain parameters of single joints: {names_text}.", do, weight=len(weak))
     of_joints = {f"{joint}." for joint in case.names}
     bodies = {
         n: s for n, s in parameter_verdicts(case.best).items() if not any(n.startswith(joint) for joint in of_joints)
@@ -244,6 +246,6 @@ def report_weak_numbers(case: TreeResult) -> Iterator[Verdict]:
     do = (
         ""
         if identified_count > 0.5 * len(bodies)
-        else "Quicker motion of all joints at once, over more of their ranges, shows more."
+        else "Record faster motion of all joints at once, over larger ranges."
     )
     yield Verdict("warning" if lost else "note", text, do, weight=lost)

@@ -52,7 +52,7 @@ def page(study: Study, result: TreeResult) -> Page:
     curves = _curves(result)
     sections = [
         Section("arm", "The arm", drawings=(arm,)),
-        Section("joints", "Is each joint predicted?", tables=figure_tables(result, "Joints, whether")),
+        Section("joints", "Prediction of each joint", tables=figure_tables(result, "Prediction of each joint")),
         Section(
             "errors",
             "Errors",
@@ -75,10 +75,10 @@ def page(study: Study, result: TreeResult) -> Page:
         *_ripple(result),
         Section(
             "parameters",
-            "What the motion shows",
+            "Identifiability of the parameters",
             (
-                "Efforts are linear in ten numbers of every link, but tell only some combinations of them. Each is "
-                "named by the number that stands for the others.",
+                "Efforts are linear in the ten inertial parameters of every link, but identify only some combinations "
+                "of them. Each combination is named after one of its parameters.",
             ),
             drawings=(draw(figures.shown_parameters, *_map(result)),),
             tables=figure_tables(result, "Parameters of joints"),
@@ -112,8 +112,8 @@ def _tiles(found: TreeResult) -> list[Tile]:
         share = number(found.jackknife.share_within, digits=3)
         tiles.append(Tile("Standard errors confirmed", share, "%", "within a factor of 2 of the jackknife"))
     for p in [p for p in found.payloads if not p.mass.refused][:1]:
-        known = "" if p.known is None else f"{number(p.known)} kg in truth"
-        known = "set the gains, no test" if p.tests == "nothing" else known
+        known = "" if p.known is None else f"{number(p.known)} kg stated"
+        known = "used for the gains, no test" if p.tests == "nothing" else known
         tiles.append(Tile("Payload", number(p.mass.value, p.mass.standard_error), "kg", known))
     return tiles
 
@@ -172,7 +172,7 @@ def _published(found: TreeResult) -> tuple[tuple[str, Table], ...]:
     if not rows:
         return ()
     heads = ("Joint", "Parameter", "Found", "Published", "Unit", "Difference (%)")
-    return (("Beside what was published", Table(heads, tuple(rows), frozenset({2, 3, 5}))),)
+    return (("Comparison with published values", Table(heads, tuple(rows), frozenset({2, 3, 5}))),)
 
 
 def _choice(found: TreeResult) -> tuple[Section, ...]:
@@ -279,12 +279,12 @@ def _intervals(found: TreeResult) -> tuple[Section, ...]:
     with np.errstate(divide="ignore", invalid="ignore"):
         stated, out = 100.0 * jack.stated / values, 100.0 * jack.sd / values
     text = (
-        "Residuals remember: textbook standard errors, which take every row for news, are "
-        f"{number(jack.textbook_ratio, digits=2)} times too small here. Those stated are by blocks of rows; leaving "
-        f"out each of {jack.segments} segments and fitting again is an independent check."
+        "Residuals are autocorrelated: ordinary least-squares standard errors, which treat rows as independent, are "
+        f"{number(jack.textbook_ratio, digits=2)} times too small here. The stated ones are computed from blocks of "
+        f"rows. The jackknife, which omits each of {jack.segments} segments in turn, is an independent check."
     )
     drawing = draw(figures.intervals, stated, out, jack.share_within)
-    return (Section("intervals", "Are the intervals honest?", (text,), drawings=(drawing,)),)
+    return (Section("intervals", "Check of the standard errors", (text,), drawings=(drawing,)),)
 
 
 def _drives(found: TreeResult) -> tuple[Section, ...]:

@@ -42,7 +42,7 @@ MODEL_DESCRIPTIONS: Mapping[str, str] = {
     "stated": "stated bodies, friction fitted",
     "base": "base parameters, plain friction",
     "best": "friction chosen for each joint",
-    "consistent": "the same with bodies that can exist",
+    "consistent": "the same, physically consistent",
 }
 """Models in words, the simplest baselines first."""
 
@@ -59,7 +59,7 @@ ROW_KIND_DESCRIPTIONS: Mapping[str, str] = {
 PAYLOAD_NOTES: Mapping[str, str] = {
     "gains": "",
     "gains of other payloads": "; with gains from the other payloads",
-    "nothing": "; it set the gains of the drives, and is no test of them",
+    "nothing": "; used to estimate the drive gains, so that it does not test them",
 }
 """Remarks on a payload's mass in result rows, by what the mass tests."""
 
@@ -292,9 +292,9 @@ def tree_answer(found: TreeResult) -> Answer:
     parts, judged = found.joint_answers, ROW_KIND_DESCRIPTIONS[found.judged]
     best, base = (found.errors_of(name, found.judged) for name in HEADLINE_MODELS)
     stated = found.errors_of("stated", found.judged)
-    said = f"{answers_in_words(parts)}. On {judged} the error of the effort is {percent(best.mean)} %, mean over "
-    said += f"joints ({percent(np.nanmin(best.each))} to {percent(np.nanmax(best.each))} % by joint); with plain "
-    said += f"friction {percent(base.mean)} %" + (f", with bodies as stated {percent(stated.mean)} %" if stated else "")
+    said = f"{answers_in_words(parts)}. On {judged}, the mean effort error is {percent(best.mean)} % "
+    said += f"({percent(np.nanmin(best.each))} to {percent(np.nanmax(best.each))} % by joint); with plain "
+    said += f"friction {percent(base.mean)} %" + (f", with stated bodies {percent(stated.mean)} %" if stated else "")
     verdict = verdict_of_parts(parts)
     numbers = [
         AnswerNumber(f"error of the effort of {name} on {judged}", error, "%")
@@ -302,15 +302,15 @@ def tree_answer(found: TreeResult) -> Answer:
     ]
     recordings = len(found.checksums)
     return answer_of_parts(
-        f"Does the model predict each joint's effort where it was not fitted, within {MAX_GOOD_ERROR:g} %?",
+        f"Does the model predict each joint's effort on data not used in the fit within {MAX_GOOD_ERROR:g} %?",
         f"{said}.",
         parts,
         numbers,
         Basis(recordings, recordings, judged=judged),
         next=(
-            Step("Make a controller of it", "export")
+            Step("Export a controller", "export")
             if verdict == "yes"
-            else Step("Record more motion of the joints that are named, and hold a recording out; then", "check"),
+            else Step("Record more motion of the named joints and hold out a recording, then", "check"),
         ),
     )
 
@@ -321,7 +321,7 @@ def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
     chosen = tuple(k for k, each in enumerate(answers) if each.verdict != "yes")
     rows = tuple((each.name, each.verdict, each.reason) for each in answers)
     heads = ("joint", "answer", "reason")
-    yield FigureTable("Joints, whether the model predicts each", heads, rows, chosen_rows=chosen)
+    yield FigureTable("Prediction of each joint", heads, rows, chosen_rows=chosen)
     names = [name.replace("_", " ") for name in found.names]
     short = max(map(len, names)) <= 8
     joint_heads = [f"{name} %" if short else f"joint {k + 1} %" for k, name in enumerate(names)]
@@ -503,13 +503,13 @@ def tree_rows_of(found: TreeResult) -> Iterator[ResultRow]:
     names = [n for n in found.models["base"].parameters if not _of_joint(found.robot, n)]
     rotors = [n for n in found.models["base"].parameters if n.endswith(".rotor_inertia")]
     head = f"{found.study}.base.parameters"
-    yield replace(plain, id=f"{head}.rigid", value=len(names), note="combinations of bodies' numbers that efforts tell")
-    yield replace(plain, id=f"{head}.rotors", value=len(rotors), note="rotors that can be told from bodies")
+    yield replace(plain, id=f"{head}.rigid", value=len(names), note="identifiable combinations of inertial parameters")
+    yield replace(plain, id=f"{head}.rotors", value=len(rotors), note="rotor inertias identifiable separately")
     yield replace(plain, id=f"{head}.all", value=len(found.models["base"].parameters))
     for kind in ("segments_out", "heldout"):
         best, consistent = (found.errors_of(model, kind) for model in ("best", "consistent"))
         if best and consistent:
-            note = "points of the mean error that bodies must give up to exist"
+            note = "increase of the mean error from physical consistency, percentage points"
             value = consistent.mean - best.mean
             yield replace(kept, id=f"{found.study}.consistent.{kind}.loss", value=value, unit="%", note=note)
     if found.jackknife is not None:
@@ -531,7 +531,7 @@ def tree_rows_of(found: TreeResult) -> Iterator[ResultRow]:
         for p in model.parameters.values():
             note = p.sentence() + ("; at its bound" if p.at_bound else "")
             reading = model.readings.get(p.name, "")
-            note += f"; stands for {reading}" if reading and reading != p.name else ""
+            note += f"; represents {reading}" if reading and reading != p.name else ""
             of = replace(plain, id=f"{found.study}.{name}.{p.name}", undetermined=p.undetermined)
             yield replace(of, value=p.value, unit=p.unit, note=note)
 

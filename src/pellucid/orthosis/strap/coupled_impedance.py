@@ -196,7 +196,7 @@ class StrapProblem:
             if share < 0.2:
                 raise IdentificationError(
                     f"{trial.swing.name}: the strap's torque is known in {100 * share:.0f} % of the trial, expected "
-                    "20 % or more: the orthosis sticks, or hardly moves; swing further or faster"
+                    "20 % or more: the orthosis sticks or hardly moves; record larger or faster swings"
                 )
 
     def start(self) -> StrapPoint:
@@ -209,7 +209,8 @@ class StrapProblem:
             if keep.sum() < SEARCH_SETTINGS.min_imu_samples:
                 raise IdentificationError(
                     f"{trial.swing.name}: {int(keep.sum())} samples of the IMU fall into the trial, expected "
-                    f"{SEARCH_SETTINGS.min_imu_samples} or more: the IMU and the actuator did not record together"
+                    f"{SEARCH_SETTINGS.min_imu_samples} or more: the IMU and the actuator did not record at the same "
+                    "time"
                 )
             t = time[keep]
             seen = trial.swing.imu_angle[keep] / self.gain - trial.angle(t)
@@ -322,7 +323,7 @@ class StrapProblem:
             noise = sandwich_covariance(z, residual, lengths)
         except np.linalg.LinAlgError as error:
             raise IdentificationError(
-                "the swings do not tell the strap's stiffness from its damping: swing at more than one speed"
+                "the swings do not distinguish the strap's stiffness from its damping: record more than one speed"
             ) from error
         # The sandwich covers the data alone; the calibrated gain contributes to the estimate and to its error.
         turn = spread @ (z.T @ z)

@@ -179,7 +179,7 @@ def _known(choice: StrapChoice, records: Sequence[StrapRecord], *, held: bool) -
         refused = ""
         # Swings cannot distinguish a branch that relaxes within seconds from permanent stiffness.
         if c.name == "stiffness" and (not held or error[i] > STRAP_SETTINGS.max_standard_error_share * value):
-            refused = "these motions do not tell the strap's stiffness from what relaxes or gives in it; hold torques"
+            refused = "these motions do not distinguish the strap's stiffness from its relaxation; hold torques"
         bound = c.name in fit.at_bound
         told = not bound and abs(value) > 1.96 * error[i] * unit
         parameters.append(

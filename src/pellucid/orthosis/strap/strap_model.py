@@ -124,7 +124,7 @@ class StrapModel:
         """The model as a clause of a sentence."""
         does = [FEATURE_WORDS[f] for f in self.features]
         if not does:
-            return "a spring and a damper hold it all"
+            return "a spring and a damper describe it"
         return f"it {' and '.join(filter(None, [', '.join(does[:-1]), does[-1]]))}"
 
     @property

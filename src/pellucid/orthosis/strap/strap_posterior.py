@@ -100,7 +100,7 @@ def strap_posterior(
     `gain` is the IMU's gain if a calibration has determined it. `sampling` is passed on to `drawn`.
     """
     if fit.stiffness.at_bound or fit.damping.at_bound:
-        raise IdentificationError("the strap was stopped at a bound: about it there is nothing to draw")
+        raise IdentificationError("a parameter of the strap is on its bound, so that no posterior can be sampled")
     trials = [StrapTrial(s, t) for s, t in zip(swings, torques, strict=True)]
     problem = StrapProblem(trials, None, True)
     problem.leave_out(decay_time(fit.stiffness.value, fit.damping.value))

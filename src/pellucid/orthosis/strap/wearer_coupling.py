@@ -243,8 +243,8 @@ def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> Iterator[Verd
     for s in found.slips:
         yield Verdict(
             "warning",
-            f"{who}: the strap slipped by {np.degrees(s.step):+.1f} deg {s.time:.1f} s into {s.recording}; that trial "
-            "is not fitted, and every evaluation on it mixes two mountings.",
+            f"{who}: the strap slipped by {np.degrees(s.step):+.1f} deg {s.time:.1f} s into {s.recording}. The trial "
+            "is not fitted, and errors on it include both positions of the strap.",
         )
     if any(j.split == "heldout" for j in found.evaluated):
         reached, ceiling = found.mean_fit(), found.mean_ceiling()
@@ -252,21 +252,22 @@ def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> Iterator[Verd
         kind = "good" if decision.is_good else "note" if decision.predicts else "warning"
         k, b = found.parameter("stiffness"), found.parameter("damping")
         text = f"{who}: a strap of {_read(k)} and {_read(b)} explains {reached:.1f} % of the "
-        text += f"mismatch in swings it was not fitted on{limit}"
+        text += f"mismatch in held-out swings{limit}"
         if decision.predicts and not decision.is_good:
-            text += ", although " + ("no model of it holds" if not decision.holds else "its parameters are rejected")
+            text += ", although " + ("no model is accepted" if not decision.holds else "its parameters are rejected")
         yield Verdict(kind, f"{text}.")
     else:
-        yield Verdict("warning", f"{who}: no swing is held out: nothing says how the strap predicts new ones.")
+        yield Verdict("warning", f"{who}: no swing is held out, so that the prediction of new swings is not tested.")
     for parameter in (fit.stiffness, fit.damping):
         if parameter in decision.rejected:
             yield Verdict(
                 "warning",
-                f"{who}: the {parameter.name} was stopped at its bound of zero and is rejected: the torque of the "
-                "strap and the mismatch do not belong together, or the IMU's clock took its place.",
+                f"{who}: the {parameter.name} is on its bound of zero and is rejected: the torque of the strap does "
+                "not explain the mismatch, or an error of the IMU's clock does instead.",
             )
         elif not parameter.identifiable:
-            yield Verdict("warning", f"{who}: the {parameter.name} is not told from zero ({_interval(parameter)}).")
+            text = f"{who}: the {parameter.name} does not differ significantly from zero ({_interval(parameter)})."
+            yield Verdict("warning", text)
     yield from _strap_verdicts(found, decision)
     yield _inertia_verdict(who, fit, found.strap, decision)
     yield _side_verdict(found, no_limb, decision)
@@ -278,26 +279,26 @@ def _strap_verdicts(found: WearerCoupling, decision: StrapDecision) -> Iterator[
     """Yield the verdicts on the strap: its features, its stiffness over the range seen, and the test of the model."""
     who, strap = found.participant, found.strap
     if strap is None:
-        yield Verdict("warning", f"{who}: no model of the strap but a spring and a damper could be fitted.")
+        yield Verdict("warning", f"{who}: only a spring and a damper could be fitted to the strap.")
         return
     low, high = (np.degrees(v) for v in strap.range)
     at_low, at_high = (p.value for p in strap.ends)
     what = strap.model.words if strap.model.features else "a spring and a damper predict it best"
-    what += " (stiffness and tangents are the strap's own, without the tissue)" if strap.model.has("tissue") else ""
+    what += " (stiffness and tangents are those of the strap without tissue)" if strap.model.has("tissue") else ""
     yield Verdict(
         "note",
-        f"{who}: {what}; seen from {low:+.1f} to {high:+.1f} deg, where its tangent is {at_low:.3g} and "
-        f"{at_high:.3g} N*m/rad, {strap.stiffness.value:.3g} where it begins to pull. A spring and a damper that "
-        f"do best over these swings have {_read(found.orthosis_side.stiffness)}.",
+        f"{who}: {what}. It was recorded from {low:+.1f} to {high:+.1f} deg, with tangent stiffnesses of {at_low:.3g} "
+        f"and {at_high:.3g} N*m/rad there and {strap.stiffness.value:.3g} where it begins to pull. The best-fitting "
+        f"spring and damper have a stiffness of {_read(found.orthosis_side.stiffness)}.",
     )
     if strap.stiffness.refused:
-        yield Verdict("warning", f"{who}: the stiffness's interval is refused: {strap.stiffness.refused}.")
+        yield Verdict("warning", f"{who}: the stiffness has no interval: {strap.stiffness.refused}.")
     if not found.held:
-        text = "whether the strap relaxes over longer than a swing is not told: record torques that are held."
+        text = "relaxation of the strap over longer than a swing is not identifiable: record held torques."
         yield Verdict("note", f"{who}: {text}")
     if not strap.model.in_core:
-        text = "controllers, and torques computed through the strap, use the best-fitting spring and damper; "
-        yield Verdict("note", f"{who}: {text}they know neither friction nor tissue of the strap.")
+        text = "controllers, and torques computed through the strap, use the best-fitting spring and damper, "
+        yield Verdict("note", f"{who}: {text}without friction and tissue of the strap.")
     if not decision.holds:
         text = "no strap model is accepted: additional effects improve the prediction of held-out blocks"
         yield Verdict("warning", f"{who}: {text} (p {strap.holds:.2g}).")
@@ -388,42 +389,42 @@ def _interval(parameter: Parameter) -> str:
 def _inertia_verdict(who: str, fit: CouplingFit, strap: IdentifiedStrap | None, decision: StrapDecision) -> Verdict:
     if not decision.has_inertia:
         kind = "good" if decision.holds and not decision.rejected else "note"
-        text = f"nothing in the strap behaves like an inertia ({_interval(fit.inertia)}), as none should."
+        text = f"the strap shows no inertia ({_interval(fit.inertia)}), as expected."
         return Verdict(kind, f"{who}: {text}")
     if strap is not None and strap.model.features:
         return Verdict(
             "note",
-            f"{who}: a spring and a damper alone would seem to have an inertia ({_interval(fit.inertia)}): the strap "
-            "is more than that.",
+            f"{who}: with a spring and a damper alone, the strap would show an inertia ({_interval(fit.inertia)}), "
+            "which confirms that its model needs more.",
         )
     return Verdict(
         "warning",
-        f"{who}: the strap seems to have an inertia ({_interval(fit.inertia)}), which none has: something else turns "
-        "with the mismatch's acceleration, such as an error of the IMU or of the orthosis's own inertia.",
+        f"{who}: the strap shows an inertia ({_interval(fit.inertia)}), which is impossible. The cause is probably an "
+        "error of the IMU or of the orthosis's inertia.",
     )
 
 
 def _side_verdict(found: WearerCoupling, no_limb: str, decision: StrapDecision) -> Verdict:
     who, fit, other = found.participant, found.orthosis_side, found.limb_side
     if other is None:
-        return Verdict("note", f"{who}: the strap is known from the orthosis's balance alone; {no_limb}.")
+        return Verdict("note", f"{who}: the strap is identified from the orthosis's torque balance alone; {no_limb}.")
     split = "heldout" if np.isfinite(found.mean_fit()) else "fitted"
     ours, theirs = found.mean_fit("orthosis", split), found.mean_fit("limb", split)
     use = "held-out" if split == "heldout" else "fitted"
     if ours >= theirs:
-        said = f"trust the orthosis's side: it explains {ours:.1f} % of the mismatch in {use} swings, the limb's "
-        said += f"{theirs:.1f} %; its torque comes from a spring and two encoders, the other's from EMG and the IMU "
-        said += "differentiated twice"
+        said = f"prefer the orthosis's torque balance, which explains {ours:.1f} % of the mismatch in {use} swings; "
+        said += f"the limb's explains {theirs:.1f} %. The orthosis's torque comes from a spring and two encoders, the "
+        said += "limb's from EMG and the twice differentiated IMU"
     else:
-        said = f"the limb's side explains more of the mismatch in {use} swings ({theirs:.1f} against {ours:.1f} %): "
-        said += "the orthosis's own parameters or its friction are wrong"
+        said = f"the limb's torque balance explains more of the mismatch in {use} swings ({theirs:.1f} against "
+        said += f"{ours:.1f} %): the orthosis's own parameters or its friction are probably wrong"
     # Errors of the limb's torque are in the model's input: they bias the estimate without showing in the residual.
-    said += f". As a spring and a damper alone the limb's side gives {_read(other.stiffness)} and "
+    said += f". As a spring and a damper, the limb's balance gives {_read(other.stiffness)} and "
     said += f"{_read(other.damping)}, the orthosis's {_read(fit.stiffness)} and {_read(fit.damping)}: "
     said += (
         "stiffnesses agree."
         if decision.sides_agree
-        else "stiffnesses are apart by more than both intervals; the limb's leaves out its torque's error."
+        else "the intervals of the stiffnesses do not overlap; the limb's omits the error of its torque."
     )
     return Verdict("note" if ours >= theirs else "warning", f"{who}: {said}")
 
@@ -432,10 +433,10 @@ def _published_verdict(found: WearerCoupling) -> Verdict:
     literal = found.published["two_poles"]
     split = "heldout" if np.isfinite(found.mean_fit()) else "fitted"
     stopped = f", {' and '.join(literal.at_bound)} at a bound of zero" if literal.at_bound else ""
-    stopped += ", a strap that pushes where it is pulled" if literal.stiffness < 0.0 else ""
+    stopped += ", a negative stiffness" if literal.stiffness < 0.0 else ""
     return Verdict(
         "note",
-        f"{found.participant}: the thesis's form, in which the strap's torque cancels, gives {literal.stiffness:.3g} "
+        f"{found.participant}: the published form, in which the strap's torque cancels, gives {literal.stiffness:.3g} "
         f"N*m/rad, {literal.damping:.3g} N*m*s/rad and {literal.inertia:.3g} kg*m^2{stopped}, and explains "
         f"{found.mean_fit('published', split):.1f} %.",
     )

@@ -56,16 +56,16 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
     gain, delay = f"{MIN_GAIN_MARGIN_DB:g} dB", f"{1e3 * MIN_DELAY_MARGIN_S:g} ms"
     source_remarks = [note for kind, name in names.items() for note in source_notes(name, cards[kind])]
     notes = (
-        f"For the wearer {wearer} alone: limb and strap are theirs.",
-        f"The loop keeps {gain} and {delay} on straps {1 - STRAP_FACTORS[0]:.0%} softer and "
+        f"For the wearer {wearer} only, whose limb and strap it uses.",
+        f"The loop has margins of {gain} and {delay} with straps {1 - STRAP_FACTORS[0]:.0%} softer and "
         f"{STRAP_FACTORS[-1] - 1:.0%} stiffer than identified.",
         f"It comes to rest with {1 - INERTIA_FACTORS[0]:.0%} less and {INERTIA_FACTORS[-1] - 1:.0%} more inertia of "
-        "the orthosis, also at its limit of rate.",
+        "the orthosis, also at its rate limit.",
         "In 40 simulated runs behind a spring, the supervisor detected a drive with three times the effort in 38 (up "
         "to 3.5 J). It detected a drive with 20 ms of latency in none (4 J). Keep an emergency stop within reach.",
         "joint is the motor's encoder, where the robot has one: it measures the energy that the motor returns.",
         "muscle is the output of your EMG chain; without it (valid = 0) all terms that need no EMG continue.",
-        "The effort is the torque wanted from the spring: your torque loop follows it.",
+        "The effort is the commanded torque of the spring, which your torque loop follows.",
     )
     return ControllerValues(
         law=law.kind,

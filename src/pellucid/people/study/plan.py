@@ -248,8 +248,8 @@ def _of_pilot(
         tuple(heads),
         tuple(rows),
         f"{_tested(active.estimand, active.people, options['alpha'])}, people resampled from the pilot's "
-        f"{len(people)}, shifted to the true change. {_active_words(active.order)} {options['studies']} studies simulated for each "
-        "number of people. "
+        f"{len(people)}, shifted to the true change. {_active_words(active.order)} {options['studies']} studies "
+        "simulated for each number of people. "
         f"{_noise_words(active)}With so few people, the distribution itself is uncertain.",
         _plan_answer(rows, power, participants),
     )

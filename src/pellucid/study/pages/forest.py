@@ -119,7 +119,7 @@ def _forest(fit: FitWithIntervals) -> Drawing:
         "parameters",
         figure,
         f"Parameters with their {100.0 * fit.confidence:g} % confidence intervals, each divided by its value. Open "
-        "marks are parameters that are not identifiable, or whose interval is refused.",
+        "marks: parameters that are not identifiable or have no valid interval.",
     )
 
 

@@ -84,7 +84,7 @@ def require_fresh(study: Study, path: Path, card: Made) -> Made:
     if not card.made_from:
         if not _has_other_recordings(study, card):
             return card
-        problem = "found a stale card: the recordings that it was made from have changed or are other ones"
+        problem = "found an outdated card: its recordings have changed or were replaced"
     elif procedure is None:
         problem = f'found a card of the unknown procedure "{name}", expected one of this study as it is now'
     else:
@@ -92,10 +92,10 @@ def require_fresh(study: Study, path: Path, card: Made) -> Made:
         if not changed:
             return card
         whose = "" if card.study == study.name else f" of the study {card.study}"
-        problem = f"found a stale card{whose}: {', '.join(changed)} changed since it was made"
+        problem = f"found an outdated card{whose}: {', '.join(changed)} changed since it was made"
     raise PellucidError(
-        f"{path}: {problem}; {command} again: {printed_command(command, study.folder)} (--accept-stale, "
-        "accept_stale=True, takes it all the same)"
+        f"{path}: {problem}; {command} again: {printed_command(command, study.folder)} (or use it as it is with "
+        "--accept-stale, accept_stale=True)"
     )
 
 
@@ -104,7 +104,7 @@ def source_notes(name: str, card: CardWithSources) -> tuple[str, ...]:
     earlier version or by hand."""
     if card.made_from:
         return ()
-    return (f"{name} does not say what it was made from: nobody can tell whether study.toml has changed since.",)
+    return (f"{name} does not state its sources, so that changes of study.toml since then cannot be detected.",)
 
 
 def _has_other_recordings(study: Study, card: CardWithSources) -> bool:

@@ -236,21 +236,21 @@ def _answer(
         said = f"{'; '.join(row.sentence for row in changed)}"
     else:
         visible = ", ".join(f"{row.name.replace('_', ' ')} {100.0 * row.detectable:.2g} %" for row in seen)
-        small = f". Changes that would have shown: {visible}" if visible else ""
+        small = f". Smallest detectable changes: {visible}" if visible else ""
         said = f"No parameter changed beyond its uncertainty ({joint}){small}"
         verdict, reason = "no", "no parameter changed beyond its uncertainty"
         if p_value < 1.0 - level:
             verdict, reason = "cannot say", f"the parameters changed together ({joint}), and none alone"
         elif not any(row.detectable < MAX_UNSEEN_CHANGE for row in seen):
             bound = f"{100.0 * MAX_UNSEEN_CHANGE:g} %"
-            verdict, reason = "cannot say", f"no parameter is known so well that a change of {bound} would show"
+            verdict, reason = "cannot say", f"the uncertainty of every parameter exceeds a change of {bound}"
     parts = tuple(_part_of(row) for row in rows)
     numbers = tuple(
         AnswerNumber(f"change of {row.name.replace('_', ' ')}", row.b - row.a, row.unit, row.interval)
         for row in (changed or rows)
     )
     if verdict == "cannot say":
-        step = Step("Record longer, over a larger range, and identify again; then compare", line=_typed(compared))
+        step = Step("Record longer and over a larger range, identify again, then compare", line=_typed(compared))
     else:
         step = Step("Draw the page of the later one", line=printed_command("report", compared[1]))
         step = step if (Path(compared[1]) / STUDY_FILE).is_file() else Step("Compare again", line=_typed(compared))
@@ -266,8 +266,8 @@ def _part_of(row: ComparedParameter) -> AnswerPart:
     if row.changed:
         return AnswerPart(row.name, "yes", row.sentence)
     if row.detectable < MAX_UNSEEN_CHANGE:
-        return AnswerPart(row.name, "no", f"a change of {100.0 * row.detectable:.2g} % would have shown")
-    return AnswerPart(row.name, "cannot say", "its uncertainty hides changes")
+        return AnswerPart(row.name, "no", f"a change of {100.0 * row.detectable:.2g} % would have been detected")
+    return AnswerPart(row.name, "cannot say", "its uncertainty is too large to detect changes")
 
 
 def _verdict(answer: Answer) -> Verdict:

@@ -56,14 +56,14 @@ def _counted(study: Study, found: Result, basis: Basis | None, left_out: Collect
 def _steps(study: Study, found: Result, answer: Answer) -> tuple[Step, ...]:
     """Return what to do next: correct what is wrong or assumed, run what else the study asks for, draw the page."""
     if found.flaw:
-        return (Step("Correct what stands first below, then check the recordings", "check"),)
+        return (Step("Correct the first finding below, then check the recordings", "check"),)
     steps = list(answer.next)
     if any(each.is_scale for each in answer.assumed):
-        text = "Confirm what is assumed: correct the line in study.toml, and remove its [[assumed]]"
+        text = "Confirm the assumption: correct the line in study.toml, and remove its [[assumed]] table"
         steps = [Step(f"{text}; then", "check")]
     commands = [procedure.command for procedure in asked(study)]
     # A plug-in's procedure may stand beside those that the study asks for.
     after = commands[commands.index(found.command) + 1 :] if found.command in commands else []
     later = [each for each in after if each != found.command]
-    further = [Step("Run what else study.toml asks for", typed_command(later[0]))] if later else []
+    further = [Step("Run the other analyses of study.toml", typed_command(later[0]))] if later else []
     return (*further, REPORT_STEP, *steps) if answer.is_answered else (*steps, *further, REPORT_STEP)

@@ -39,11 +39,11 @@ class ComparedPosterior:
         if self.drawn.told_by_prior:
             return "told by the prior"
         if self.fitted.refused:
-            return "interval refused, posterior told by the data"
+            return "no interval; posterior determined by the data"
         if ratio > AGREEMENT_FACTOR:
-            return "interval too narrow, by the posterior"
+            return "interval narrower than the posterior"
         if ratio < 1.0 / AGREEMENT_FACTOR:
-            return "interval too wide, by the posterior"
+            return "interval wider than the posterior"
         return ""
 
 
@@ -88,7 +88,7 @@ def posterior_rows(
         own = f"{head}.posterior.{drawn.name}"
         yield replace(plain, id=own, value=value, unit=drawn.unit, note=note)
         if np.isfinite(ratio) and not drawn.refused:
-            yield replace(plain, id=f"{own}.width", value=ratio, note="width of the posterior over the interval's")
+            yield replace(plain, id=f"{own}.width", value=ratio, note="width relative to that of the interval")
 
 
 def posterior_verdicts(
@@ -98,7 +98,7 @@ def posterior_verdicts(
     head = f"{who}: " if who else ""
     if posterior.unsettled:
         yield Verdict(
-            "warning", f"{head}The posterior has not settled: {posterior.unsettled}; nothing is read from it."
+            "warning", f"{head}The posterior has not settled: {posterior.unsettled}; it is not used."
         )
         return
     determined = [one for one in compared if not one.drawn.told_by_prior]
@@ -110,7 +110,7 @@ def posterior_verdicts(
     ]
     if apart:
         widths_text = "; ".join(
-            f"{_named(one)} {_range(one.fitted, level)} by the fit, {_range(one.drawn, level)} by the posterior"
+            f"{_named(one)} {_range(one.fitted, level)} from the fit, {_range(one.drawn, level)} from the posterior"
             for one in apart
         )
         yield Verdict(
@@ -123,7 +123,7 @@ def posterior_verdicts(
         found = f"{_range(one.drawn, level)} {unit_text(one.drawn.unit)}".rstrip()
         yield Verdict(
             "note",
-            f"{head}The interval of {_named(one)} is refused; the posterior, told by the data, is {found}.",
+            f"{head}The fit gives no interval for {_named(one)}; its posterior, which the data determine, is {found}.",
         )
     prior = [_named(one) for one in compared if one.drawn.told_by_prior]
     if prior:
@@ -131,12 +131,11 @@ def posterior_verdicts(
         yield Verdict("note", f"{head}In the posterior {', '.join(prior)} {verb} told by the prior, not by the data.")
     if posterior.pairs:
         pairs_text = ", ".join(f"{a} and {b} ({r:+.2f})".replace("_", " ") for a, b, r in posterior.pairs)
-        yield Verdict("note", f"{head}In the posterior these trade off: {pairs_text}.")
+        yield Verdict("note", f"{head}Correlated parameters in the posterior: {pairs_text}.")
     if any(np.isfinite(one.widths(level)) for one in determined) and not apart:
         yield Verdict(
             "good",
-            f"{head}Where an interval and the posterior can both be read, they agree within a factor of "
-            f"{AGREEMENT_FACTOR:g}.",
+            f"{head}The widths of intervals and posterior agree within a factor of {AGREEMENT_FACTOR:g}.",
         )
 
 

@@ -530,10 +530,10 @@ def report(
     pages = [page for _, page in each_page(study, result, on_progress or quiet, missing if only_kept else None)]
     commands = typed_commands(dict.fromkeys(missing), study.folder)
     if not pages:
-        raise PellucidError(f"{study.folder}: found nothing that was kept and is fresh; make it with: {commands}")
+        raise PellucidError(f"{study.folder}: found no up-to-date results; compute them with: {commands}")
     page = _one_page(pages)
     if missing:
-        text = f"Not all that study.toml asks for is drawn. Make the rest with: {commands}"
+        text = f"This page lacks some analyses of study.toml. Compute them with: {commands}"
         page = replace(page, verdicts=(("warning", text), *page.verdicts))
     try:
         return write_page(Path(study.report_dir), page, with_pdf=with_pdf)
@@ -573,7 +573,7 @@ def each_page(
         if missing is not None and not _cannot_be_kept(study, procedure):
             missing.append(procedure.command)
             continue
-        tell(f"{procedure.command} again: nothing that you kept is fresh", i / len(procedures))
+        tell(f"{procedure.command} again, because its kept results are outdated", i / len(procedures))
         found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)))
         tell("drawing", (i + 0.8) / len(procedures))
         yield found, procedure.page(study, found)
@@ -659,8 +659,8 @@ def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
     wanted = ["[rig.drive]"] if name == "identify" else dict.fromkeys(tables)
     others = tuple(dict.fromkeys(p.command for p in asked(study)))
     raise IdentificationError(
-        f"{study.folder}: study.toml has no table {' or '.join(wanted)} and asks for nothing that "
-        f"{typed_command(name or '')} does; use: {typed_commands(others, study.folder)}"
+        f"{study.folder}: study.toml has no table {' or '.join(wanted)}, so that {name} does not apply; use: "
+        f"{printed_commands(others, study.folder)}"
     )
 
 

@@ -65,8 +65,8 @@ class StrappedWearer:
     def words(self) -> str:
         """How the strap is modelled, as a sentence."""
         if not self.model.features:
-            return "the torque of the wearer goes through a spring and a damper for the strap."
-        return f"the torque of the wearer goes through the strap of its card: {self.model.words}."
+            return "The wearer's torque is transmitted by the strap, modelled as a spring and a damper."
+        return f"The wearer's torque is transmitted by the strap of its model card: {self.model.words}."
 
     def wearer_torque(self, recording: Recording, lowpass: float) -> np.ndarray:
         """Return the wearer's torque about the joint, shape (n,) [N m], low-passed at `lowpass` [Hz]."""

@@ -73,9 +73,9 @@ def gravity_figure(fit: GravityFit) -> Drawing:
     return Drawing(
         "gravity",
         figure,
-        "Torque that holds the orthosis still. The sine leaves "
-        f"{1e3 * float(np.abs(fit.residual).max()):.0f} mN·m at most, the straight line of the published method "
-        f"{1e3 * straight.largest_residual:.0f} mN·m; its slope is {straight.slope:.3f} N·m/rad.",
+        "Torque that holds the orthosis still. The largest residual is "
+        f"{1e3 * float(np.abs(fit.residual).max()):.0f} mN·m for the sine and "
+        f"{1e3 * straight.largest_residual:.0f} mN·m for the straight line of the published method, whose slope is {straight.slope:.3f} N·m/rad.",
     )
 
 
@@ -98,8 +98,9 @@ def response_figure(pendulum: Response, linear: Response) -> Drawing:
     return Drawing(
         "response",
         figure,
-        "The orthosis's answer to a torque of another amplitude than was fitted: measured, simulated as a pendulum "
-        "with friction, and by the published transfer function with two poles. Only initial states are estimated here.",
+        "Response of the orthosis to a torque of another amplitude than the fitted ones: measured, simulated as a "
+        "pendulum with friction, and by the published transfer function with two poles. Only initial states are "
+        "estimated here.",
     )
 
 
@@ -148,9 +149,9 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
         entries.append(("as published", "stribeck"))
     line(axis, time, np.degrees(swing.simulated["orthosis"][shown]), color=colour(role), linewidth=1.4)
     _label(axis, "Mismatch (deg)", "Time (s)", entries)
-    rest = f"{swing.fit['orthosis']:.1f} % of what the IMU saw"
+    rest = f"{swing.fit['orthosis']:.1f} % of the IMU's angle explained"
     if np.isfinite(swing.ceiling):
-        rest += f"; {swing.ceiling:.1f} % if the model were perfect"
+        rest += f"; {swing.ceiling:.1f} % possible with a perfect model"
     heads([axis], [Head(f"{who}, {swing.recording.replace('_', ' ')}", rest, colour(role))])
     frames = np.linspace(float(time[0]), float(time[-1]), PAGE_SETTINGS.frame_count)
     orthosis = np.zeros(len(time)) if swing.position is None else swing.position[shown]
@@ -159,11 +160,11 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
     return MovingDrawing(
         f"mismatch_{who}",
         figure,
-        f"Left: orthosis (grey) and leg (black; white on a dark page) as they were recorded, the angle between them "
-        f"{PAGE_SETTINGS.mismatch_magnification:g} times as large. Right: angle between limb and orthosis "
-        f"of {who}: by the IMU, and as the identified strap answers the torque that the orthosis's balance gives. "
+        "Left: recorded orthosis (grey) and leg (black; white on a dark page), with the angle between them magnified "
+        f"{PAGE_SETTINGS.mismatch_magnification:g} times. Right: angle between limb and orthosis of {who}, from the "
+        "IMU and from the identified strap under the torque of the orthosis's balance. "
         + ("This swing was not fitted." if role == "heldout" else "This swing was fitted.")
-        + (" The published equation has no strap in it." if len(entries) > 2 else ""),
+        + (" The published equation contains no strap." if len(entries) > 2 else ""),
         ways,
         float(time[-1] - time[0]),
     )
@@ -213,9 +214,9 @@ def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
     return Drawing(
         f"strap_{who}",
         figure,
-        f"Relaxed torque of the strap of {who} over the angle between limb and orthosis: from the limb's IMU, by the "
-        f"chosen model ({strap.model.words}), the model's tangent where it begins to pull, and the best-fitting spring "
-        "alone. The torques of the damper and of relaxation are subtracted.",
+        f"Elastic torque of the strap of {who} over the angle between limb and orthosis: measured with the limb's IMU, "
+        f"the chosen model ({strap.model.words}), its tangent where it begins to pull, and the best-fitting spring "
+        "alone. The torques of damper and relaxation are subtracted.",
     )
 
 
@@ -241,12 +242,12 @@ def straps_figure(wearers: Mapping[str, WearerStages], level: float) -> Drawing:
     panels[0].set_ylim(len(names) - 0.5, -0.6)
     if both:
         key(panels[1], [("orthosis's side", colour("fitted")), ("limb's side", colour("load"))])
-    limb = " The limb's side errs by its torque's own error, which its interval does not hold." if both else ""
+    limb = " The interval from the limb's balance omits the error of its torque." if both else ""
     return Drawing(
         "straps",
         figure,
-        f"What is known of every strap: values and {100.0 * level:.4g} % intervals. A strap has no inertia: that "
-        f"interval must hold zero.{limb}",
+        f"Parameters of every strap with {100.0 * level:.4g} % intervals. A strap has no inertia, so that this "
+        f"interval must contain zero.{limb}",
     )
 
 
@@ -307,8 +308,8 @@ def _orthosis(findings: CouplingResult) -> Section:
         "coupling_orthosis",
         "The orthosis alone",
         (
-            "Gravity comes from angles at which the orthosis was held, inertia and friction from sines that led it. "
-            "The published form has no gravity of its own: a spring has to stand for it, and fits one amplitude only.",
+            "Gravity is estimated from static holds, inertia and friction from sinusoidal motion. The published form "
+            "represents gravity by a spring, which fits one amplitude only.",
         ),
         parameter_tables(findings, "Orthosis"),
         tuple(drawings),
@@ -323,7 +324,7 @@ def _limbs(findings: CouplingResult) -> Section:
         found = number(stages.limb.gravity.value, stages.limb.gravity.standard_error)
         rows.append((who, found, *(shares.get(name, "–") for name in ("winter", "published", "de_leva"))))
     heads = ("Participant", "Found", "Winter, knee to ankle", "Winter, knee to heel", "de Leva")
-    table = number_table(heads, rows, "Gravity of shank and foot (N·m): found, and by shares.", wide=False)
+    table = number_table(heads, rows, "Gravity of shank and foot (N·m): identified, and from body mass.", wide=False)
     drawing = draw(limbs_figure, findings.orthosis.gravity, known)
     tables = (table, *parameter_tables(findings, ": limb"))
     return Section("coupling_limbs", "The limbs", tables=tables, drawings=(drawing,))
@@ -342,10 +343,10 @@ def _straps(findings: CouplingResult) -> Section:
         "coupling_straps",
         "The straps",
         (
-            "A strap's torque comes from the balance of one body; the mismatch answers it through what the strap is: a "
-            "spring and a damper, and of hardening, slack, relaxation, askewness, friction and soft tissue what blocks "
-            "held out ask for. Its stiffness is the tangent where it begins to pull. In the sum of both balances, as "
-            "published, that torque cancels.",
+            "The strap's torque is computed from the torque balance of one body. The strap is modelled as a spring and "
+            "a damper; hardening, slack, relaxation, misalignment, friction and soft tissue are added if they improve "
+            "the prediction of held-out blocks. Its stiffness is the tangent where it begins to pull. In the published "
+            "sum of both balances, the strap's torque cancels.",
         ),
         parameter_tables(findings, ": strap"),
         tuple(drawings),

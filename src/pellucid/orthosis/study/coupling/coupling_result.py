@@ -111,12 +111,12 @@ def coupling_answer(found: CouplingResult) -> Answer:
     ]
     return answer_of_parts(
         f"Do the straps explain at least {MIN_EXPLAINED_PERCENT:.0f} % of the angle between limb and orthosis in "
-        "swings that were not fitted?",
+        "held-out swings?",
         found.headline,
         parts,
         [AnswerNumber(f"explained held-out angle, {who}", fit, "%") for who, fit in held.items()],
-        Basis(count, count, judged="swings that were not fitted" if np.isfinite(list(held.values())).any() else ""),
-        next=tuple(controller) if verdict == "yes" else (Step("Hold swings out, and record faster ones"),),
+        Basis(count, count, judged="held-out swings" if np.isfinite(list(held.values())).any() else ""),
+        next=tuple(controller) if verdict == "yes" else (Step("Hold out some swings, and record faster ones"),),
         without_parts="nobody wore the orthosis",
     )
 
@@ -190,15 +190,15 @@ def _verdicts(found: CouplingResult) -> Iterator[Verdict]:
     if np.isfinite(reached):
         yield Verdict(
             "good" if reached >= MIN_GOOD_FIT_PERCENT else "warning",
-            f"The orthosis as a pendulum with friction fits sines it was not fitted to by {reached:.1f} %, the "
-            f"published form, in which a spring stands for gravity, by {linear:.1f} %.",
+            f"On held-out sines, the fit of the orthosis as a pendulum with friction is {reached:.1f} %; that of the "
+            f"published form, with a spring instead of gravity, is {linear:.1f} %.",
         )
     for name, response in orthosis.checks.items():
         if response.diverges:
             yield Verdict(
                 "warning",
-                f"{name}: the orthosis as identified cannot be simulated along this held-out recording: it diverges. "
-                "Nothing that was fitted depends on it; compare its torque's unit and sign with the other recordings'.",
+                f"{name}: the simulation of the identified orthosis diverges in this held-out recording. The fit does "
+                "not depend on it; compare unit and sign of its torque with those of the other recordings.",
             )
     for name, reason in orthosis.pendulum.reasons.items():
         yield Verdict("note", f"The orthosis's {name} is at its bound: {reason}")
@@ -216,7 +216,7 @@ def _verdicts(found: CouplingResult) -> Iterator[Verdict]:
         yield Verdict("note", f"{name}: {note}.")
     for who, coupling in ((who, stages.coupling) for who, stages in wearers.items()):
         if coupling.no_posterior:
-            yield Verdict("warning", f"{who}: no posterior could be drawn: {coupling.no_posterior}.")
+            yield Verdict("warning", f"{who}: the posterior could not be sampled: {coupling.no_posterior}.")
         if coupling.posterior is not None:
             compared = strap_beside_posterior(coupling)
             yield from posterior_verdicts(compared, coupling.posterior, found.confidence, who)
@@ -274,7 +274,7 @@ def _limb_rows(who: str, stages: WearerStages, row, parameter) -> Iterator[Resul
         for table, segment in stages.limb.segments.items():
             of_found, of_table = accuracy(stages.limb.gravity.value, segment.gravity())
             note = f"{ANTHROPOMETRIC_TABLE_NAMES[table]}; "
-            note += f"agreement {of_found:.2f} % of the one found, {of_table:.2f} % of this one"
+            note += f"agreement {of_found:.2f} % of the identified value, {of_table:.2f} % of this one"
             yield row(f"{who}.limb.gravity.{table}", segment.gravity(), "N*m", "fitted", note)
     if stages.muscles is not None:
         note = "plain linear map from EMG, repetition by repetition"
@@ -290,7 +290,7 @@ def _coupling_rows(who: str, found: WearerCoupling, row, parameter, checksums) -
         yield from _strap_rows(f"{head}.strap", strap, row, parameter)
         yield parameter(f"{head}.kelvin_voigt.k", fit.stiffness, "of a spring and a damper alone")
         yield parameter(f"{head}.kelvin_voigt.b", fit.damping, "of a spring and a damper alone")
-    yield parameter(f"{head}.inertia", fit.inertia, "of a spring and a damper alone; must hold 0 where that is all")
+    yield parameter(f"{head}.inertia", fit.inertia, "of a spring and a damper alone; contains 0 if these suffice")
     if found.limb_side is not None:
         yield parameter(f"{head}.limb_side.k", found.limb_side.stiffness)
         yield parameter(f"{head}.limb_side.b", found.limb_side.damping)
@@ -321,7 +321,7 @@ def _strap_rows(head: str, strap: IdentifiedStrap, row, parameter) -> Iterator[R
         yield parameter(f"{head}.{p.name}", p)
     for feature in STRAP_FEATURES:
         p = strap.missed.get(feature)
-        note = "given up: blocks held out are predicted as well without it" if p is None else f"p {p:.2g} without it"
+        note = "omitted: held-out blocks are predicted as well without it" if p is None else f"p {p:.2g} without it"
         yield row(f"{head}.{feature}.chosen", float(strap.model.has(feature)), "1", "fitted", note)
     for name, value, tangent in zip(("low", "high"), strap.range, strap.ends, strict=True):
         yield row(f"{head}.range.{name}", value, "rad", "fitted", "range of observed extensions")

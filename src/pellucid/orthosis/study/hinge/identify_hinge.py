@@ -437,7 +437,7 @@ def _verdicts(trials: list[HingeTrial], failures: dict[str, str], table: HingeTa
             )
             yield Verdict(
                 "note",
-                f"{who}: {_delay(trial)}; the rates of the first {table.calibration:g} s say "
+                f"{who}: {_delay(trial)}; the angular rates of the first {table.calibration:g} s give "
                 f"{1e3 * trial.alignment.delay:.1f} ms, and the two clocks drift apart by "
                 f"{1e6 * trial.clock_drift[0]:.0f} us every second. With the delay of those first seconds the "
                 f"error is {degrees['aligned']:.2f} deg, with none {degrees['unaligned']:.2f} deg.",

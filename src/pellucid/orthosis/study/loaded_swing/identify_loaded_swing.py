@@ -126,7 +126,7 @@ def swings_of(recording: Recording, lowpass: float) -> list[Swing]:
         except PellucidError as error:
             short = error
     if not found:
-        raise short or IdentificationError(f"{recording.path.name} (recording {recording.name}): nothing left uncut")
+        raise short or IdentificationError(f"{recording.path.name} (recording {recording.name}): all samples were cut")
     return found
 
 
@@ -217,7 +217,7 @@ def swing_answer(found: LoadedSwingResult) -> Answer:
         parts.append(AnswerPart(who, "yes" if told else "cannot say", text))
     count = len(found.checksums)
     return answer_of_parts(
-        f"Do the swings tell each leg's inertia, to ± {100.0 * MAX_RELATIVE_HALF_WIDTH:g} %?",
+        f"Do the swings determine each leg's inertia to ± {100.0 * MAX_RELATIVE_HALF_WIDTH:g} %?",
         found.headline,
         parts,
         numbers,
@@ -230,9 +230,10 @@ def _verdicts(config: StudyFile, legs: Mapping[str, LegAlone], confidence: float
     for who, leg in legs.items():
         half = leg.inertia.interval(confidence)[1] - leg.inertia.value
         if half > MAX_RELATIVE_HALF_WIDTH * abs(leg.inertia.value):
-            text = f"{who}: the swings do not tell the leg's inertia: {leg.inertia.value:.3g} +- {half:.2g} kg*m^2; "
-            text += f"inertia and weight correlate by {leg.loaded.correlation:.2f}. "
-            verdicts.append(Verdict("warning", f"{text}Swing faster, within the same angles."))
+            text = f"{who}: the swings do not determine the leg's inertia, {leg.inertia.value:.3g} ± {half:.2g} "
+            text += "kg*m^2; "
+            text += f"inertia and weight have a correlation of {leg.loaded.correlation:.2f}."
+            verdicts.append(Verdict("warning", text, "Record faster swings within the same angles."))
         mass = getattr(config.participants.get(who), "mass", None)
         # A leg of mass m has at least the inertia (q' - q)^2 / m, and nobody's is twice as heavy as Winter's shank.
         if mass and leg.inertia.value < leg.weight_moment.value**2 / (2.0 * BODY_SHARES.shank_mass * mass):
@@ -242,8 +243,8 @@ def _verdicts(config: StudyFile, legs: Mapping[str, LegAlone], confidence: float
     beyond = {who: share for who, share in more.items() if share > 10.0}
     if beyond:
         named = ", ".join(f"{who} by {share:.0f} %" for who, share in beyond.items())
-        text = f"q' - q is above Winter's weight of such a leg ({named}): tissue restores a relaxed leg "
-        verdicts.append(Verdict("note", f"{text}as its weight does, and swings of this range do not separate the two."))
+        text = f"The weight moment q' - q exceeds Winter's value for such a leg ({named}): tissue acts on a relaxed "
+        verdicts.append(Verdict("note", f"{text}leg like its weight; these swings do not separate the two."))
     if not verdicts:
         verdicts.append(Verdict("good", "Inertia and weight of every leg are identified separately."))
     return verdicts

@@ -203,30 +203,30 @@ def _last_part(record: InputOutput, fit: Callable[..., TransferFit], hold: str) 
 
 
 def transfer_answer(found: TransferResult) -> Answer:
-    """Return whether the transfer functions predict what they were not fitted to."""
+    """Return whether the transfer functions predict held-out data."""
     least = TRANSFER_THRESHOLDS.good_fit_percent
     parts = [
-        AnswerPart(name, "yes" if r.fit >= least else "no", f"a fit of {r.fit:.1f} % where it was not fitted")
+        AnswerPart(name, "yes" if r.fit >= least else "no", f"a fit of {r.fit:.1f} % on held-out data")
         for name, r in found.heldout.items()
     ]
     parts += [AnswerPart(name, "cannot say", "refused") for name in found.refused]
     inside, outside = [f.responses[0].fit for f in found.single.values()], [r.fit for r in found.heldout.values()]
     good = sum(part.verdict == "yes" for part in parts)
-    where = f"fits {min(inside):.1f} to {max(inside):.1f} % of the output that it was fitted to"
-    said = f"Nothing could be held out; each transfer function {where}"
+    where = f"has a fit of {min(inside):.1f} to {max(inside):.1f} % on its own data"
+    said = f"No data could be held out; each transfer function {where}"
     if outside:
         said = (
-            f"Where they were not fitted, {good} of {len(outside)} recordings are predicted by {least:g} % or more "
+            f"On held-out data, the fit is {least:g} % or more for {good} of {len(outside)} recordings "
             f"({min(outside):.1f} to {max(outside):.1f} %); each transfer function {where}"
         )
     count = len(found.checksums)
     return answer_of_parts(
-        f"Do the transfer functions predict what they were not fitted to, by {least:g} % or more?",
+        f"Do the transfer functions predict held-out data with a fit of {least:g} % or more?",
         f"{said}.",
         parts,
-        [AnswerNumber(f"fit of {name} where it was not fitted", r.fit, "%") for name, r in found.heldout.items()],
-        Basis(count - len(found.refused), count, judged="what was not fitted" if outside else ""),
-        without_parts="nothing could be held out",
+        [AnswerNumber(f"fit of {name} on held-out data", r.fit, "%") for name, r in found.heldout.items()],
+        Basis(count - len(found.refused), count, judged="held-out data" if outside else ""),
+        without_parts="no data could be held out",
     )
 
 
@@ -261,8 +261,8 @@ def _verdicts(result: TransferResult) -> Iterator[Verdict]:
         one, by = len(worst) == 1, low if low == high else f"{low} to {high}"
         yield Verdict(
             "warning",
-            f"Recording{'s' * (not one)} {', '.join(worst)}: the transfer function fits by {by} % only. What "
-            f"{'it shows' if one else 'they show'} is not linear, has more poles, or is not made by this input alone.",
+            f"Recording{'s' * (not one)} {', '.join(worst)}: the fit of the transfer function is only {by} %. The "
+            f"system is nonlinear, has more poles, or has other inputs.",
         )
     for name, made in fits.items():
         weak = [p.name for p in made.parameters if not p.identifiable]
@@ -273,8 +273,8 @@ def _verdicts(result: TransferResult) -> Iterator[Verdict]:
         if out is not None and out.fit < made.responses[0].fit - TRANSFER_THRESHOLDS.max_fit_drop_points:
             yield Verdict(
                 "warning",
-                f"Recording {name}: coefficients from its first part fit the last by {out.fit:.1f} %, against "
-                f"{made.responses[0].fit:.1f} % over all of it: the system changes, or what excites it does.",
+                f"Recording {name}: coefficients from its first part have a fit of {out.fit:.1f} % on the last part, "
+                f"against {made.responses[0].fit:.1f} % overall: the system or its excitation changes.",
             )
         for note in made.notes:
             yield Verdict("note", f"Recording {name}: {note}.")
