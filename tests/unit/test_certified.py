@@ -67,7 +67,7 @@ def test_wide_margins_hold_and_narrow_ones_fail(pointing):
         ('vmax = "-10 %"', "above 0"),
         ('sparc = "10 %"', "no zero"),
         ('torque_rms = "10 %"', "without the robot"),
-        ('emg_level = "10 %"', "was not recorded"),
+        ('emg_level = "10 %"', "Record the index"),
     ],
 )
 def test_a_margin_that_cannot_be_held_against_anything_is_told(pointing, margins, said):

@@ -200,7 +200,7 @@ def report_recordings_disagree(case: TreeResult) -> Iterator[Verdict]:
             yield Verdict(
                 "warning",
                 f"One model for all recordings has an error of {errors[worst]:.2g} % of {joint}'s effort in {worst} "
-                f"and {errors[best]:.2g} % in {best}: something changed between them, such as temperature or a payload.",
+                f"and {errors[best]:.2g} % in {best}: something differs, such as the temperature or a payload.",
                 "Identify each recording separately and compare, or state the difference in study.toml.",
                 weight=errors[worst] / errors[best],
             )

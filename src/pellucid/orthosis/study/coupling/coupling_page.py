@@ -75,7 +75,8 @@ def gravity_figure(fit: GravityFit) -> Drawing:
         figure,
         "Torque that holds the orthosis still. The largest residual is "
         f"{1e3 * float(np.abs(fit.residual).max()):.0f} mN·m for the sine and "
-        f"{1e3 * straight.largest_residual:.0f} mN·m for the straight line of the published method, whose slope is {straight.slope:.3f} N·m/rad.",
+        f"{1e3 * straight.largest_residual:.0f} mN·m for the straight line of the published method, whose "
+        f"slope is {straight.slope:.3f} N·m/rad.",
     )
 
 
