@@ -251,7 +251,9 @@ def _of_pilot(
         f"{len(people)}, shifted to the true change. {_active_words(active.order)} {options['studies']} studies "
         "simulated for each number of people. "
         f"{_noise_words(active)}With so few people, the distribution itself is uncertain.",
-        _plan_answer(rows, power, participants),
+        _plan_answer(
+            rows, power, participants, _basis(options["studies"], f"people sampled from the pilot's {len(people)}")
+        ),
     )
 
 

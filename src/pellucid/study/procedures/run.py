@@ -659,8 +659,8 @@ def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
     wanted = ["[rig.drive]"] if name == "identify" else dict.fromkeys(tables)
     others = tuple(dict.fromkeys(p.command for p in asked(study)))
     raise IdentificationError(
-        f"{study.folder}: study.toml has no table {' or '.join(wanted)}, so that {name} does not apply; use: "
-        f"{printed_commands(others, study.folder)}"
+        f"{study.folder}: study.toml has no table {' or '.join(wanted)}, so that "
+        f"{typed_command(name or '')} does not apply; use: {typed_commands(others, study.folder)}"
     )
 
 
