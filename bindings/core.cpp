@@ -52,7 +52,7 @@ constexpr const char* setting_names[setting_count] = {"kp",
                                                       "integral0",
                                                       "presliding_travel"};
 
-/// What a simulation of a kind of plant takes and gives.
+/// Inputs and outputs of a simulation of a kind of plant.
 struct Model {
   const char* function;
   std::size_t parameters;

@@ -47,7 +47,7 @@ struct HillFit {
   double* work = nullptr;      // joints times columns rows of hill_block, at least 1
 };
 
-/// What each muscle does: muscles rows of samples each.
+/// Outputs of each muscle: one row of samples per muscle.
 struct HillStates {
   double *activation, *force, *fibre_length, *fibre_velocity;
 };

@@ -108,7 +108,7 @@ Returns
 (cycles,)
     [ns], the clock's own cost taken off.)";
 
-/// What Python sees of any law.
+/// Python interface of any law.
 class Law {
  public:
   Law() = default;

@@ -55,7 +55,7 @@ template <class L>
 struct HasEstimates<L, std::void_t<decltype(L::estimates(std::declval<const typename L::State&>(), Nobody()))>>
     : std::true_type {};
 
-/// What a law estimates beside its effort, by name; nothing of one that estimates nothing.
+/// Estimates of a law in addition to its effort, by name; empty for a law without any.
 template <class L, class State> nanobind::dict estimates_of(const State& state) {
   nanobind::dict found;
   if constexpr (HasEstimates<L>::value)

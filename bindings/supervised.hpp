@@ -7,7 +7,7 @@
 
 namespace bindings {
 
-/// What Python sees of any supervised law.
+/// Python interface of any supervised law.
 class Supervised {
  public:
   Supervised() = default;

@@ -163,7 +163,7 @@ template <class S> typename Law<S>::Params params_of(const Numbers& from) {
   return params;
 }
 
-/// What was read in one period of n, or nothing.
+/// Readings of one period of n, or nothing.
 struct Read {
   std::size_t m;
   Array position;
@@ -220,7 +220,7 @@ template <class S> nb::object array_of(const S* numbers, std::size_t m) {
   return result.array();
 }
 
-/// What Python sees of a law of several joints in either scalar.
+/// Python interface of a law of several joints in either scalar.
 class AnyTreeLaw {
  public:
   AnyTreeLaw() = default;

@@ -15,20 +15,20 @@ namespace engine {
 
 /// Everything that a device measured, and what a virtual wearer does beside it.
 struct Reading {
-  pellucid::Samples<double> samples{};             ///< what laws read; times in microseconds since the epoch
+  pellucid::Samples<double> samples{};             ///< inputs of laws; times in microseconds since the epoch
   pellucid::Sample<double> drive{}, joint{};       ///< effort that the drive measures; second encoder
   double limb_position, limb_velocity, muscle_torque, flexor, extensor, drive_torque, target;  ///< NaN: unknown
   bool is_new = false;                             ///< whether anything arrived since the last cycle
 };
 
-/// What the drive is asked for.
+/// Command to the drive.
 struct Asked {
   double effort = 0;        ///< [N m]
   std::uint32_t beat = 0;   ///< counts the engine's cycles, for the drive's watchdog
   bool enable = false;      ///< false: the drive must take its power off
 };
 
-/// What the session asks of a virtual wearer.
+/// Task of a simulated wearer.
 struct Task {
   std::uint32_t number = 0;
   TaskKind kind = TaskKind::hold;

@@ -32,7 +32,7 @@ constexpr std::uint32_t record_capacity = 65536;
 /// Quantities of a record, in order: what a law may read, what the drive measures, and a second encoder.
 constexpr std::size_t value_count = 6;
 
-/// What the virtual wearer is asked to do.
+/// Task of the simulated wearer.
 enum class TaskKind : std::uint32_t {
   hold,      ///< stay at the last target
   reach,     ///< move to a target
@@ -76,7 +76,7 @@ struct Header {
 static_assert(sizeof(Header) == 64, "layout");
 
 struct Record {
-  std::uint64_t number;               ///< from 1
+  std::uint64_t number;               ///< index from 1
   std::uint64_t cycle;                ///< deadlines since the epoch
   std::int64_t time, deadline;        ///< when the cycle began, and when it should have [ns]
   std::int64_t now_us;                ///< the time that the law was given [us since the epoch]
@@ -87,14 +87,14 @@ struct Record {
   std::uint32_t flags;
   std::uint32_t law;                  ///< index of the condition
   std::uint32_t token;                ///< as given to the supervisor
-  double effort;                      ///< what the drive is asked for [N m]
+  double effort;                      ///< command to the drive [N m]
   std::uint8_t fault, mode, enable, state;
   std::uint32_t beat, challenge;
   std::uint32_t task;                 ///< number of the task
-  double target;                      ///< of the task, now [rad]
+  double target;                      ///< present target of the task [rad]
   double limb_position, limb_velocity, muscle_torque, flexor, extensor;  ///< of a virtual wearer, or NaN
-  double drive_torque;                ///< what a virtual drive gives, or NaN [N m]
-  double velocity;                    ///< of the joint, as the supervisor sees it [rad/s]
+  double drive_torque;                ///< torque of a simulated drive, or NaN [N m]
+  double velocity;                    ///< joint velocity estimated by the supervisor [rad/s]
   double adjusted_value;              ///< with flag::adjusted: the new number
   std::uint32_t adjusted_field;       ///< its place among the law's numbers
   std::uint32_t task_kind;
@@ -137,7 +137,7 @@ struct Status {
 
 struct Command {
   std::uint64_t sequence;
-  std::int64_t heartbeat;       ///< of the session
+  std::int64_t heartbeat;       ///< heartbeat of the session
   std::uint32_t law, run;       ///< condition, and whether its law shall run
   std::uint32_t stops, token;   ///< operator's stops so far; the challenge, sent back for a reset
   std::uint32_t end, adjusts;   ///< 1: the engine ends; numbers changed so far
@@ -146,7 +146,7 @@ struct Command {
   std::uint32_t task, task_kind;
   double target, amplitude, duration, reaction;  ///< [rad], [rad], [s], [s]
   double frequency, share;                       ///< of a sine [Hz]; of a contraction [1]
-  double load[5];                                ///< what the wearer expects of the robot
+  double load[5];                                ///< load that the wearer expects from the robot
   std::uint32_t injections, injection;           ///< faults put in so far, and the last one
   double injected_for;                           ///< [s]
   double torque_estimate, torque_half_width;     ///< as the session estimates them from EMG: only recorded [N m]
@@ -155,7 +155,7 @@ struct Command {
 };
 static_assert(sizeof(Command) == 256, "layout");
 
-/// What the recorder says of itself.
+/// State of the recorder.
 struct RecorderStatus {
   std::uint64_t process;
   std::int64_t heartbeat;

@@ -47,7 +47,7 @@ void sleep_until(std::int64_t deadline) noexcept {
   }
 }
 
-/// What the system permits: 0, or errno of the refusal.
+/// Result of the system call: 0, or errno.
 struct Permitted {
   int fifo = 0, lock = 0;
 };

@@ -24,9 +24,9 @@ struct Settings {
   std::int64_t period_ns = 1000000;
   std::int64_t late_ns = 500000;      ///< a cycle that begins later than this after its deadline is late
   double session_timeout = 0.5;       ///< without a sign of life of the session for so long, the law stops [s]
-  std::uint64_t seed = 1;             ///< of a virtual wearer
+  std::uint64_t seed = 1;             ///< seed of a simulated wearer
   std::string device, address;        ///< kind of the device; "host:port" of one behind a network
-  std::map<std::string, std::vector<double>> numbers;  ///< of the device
+  std::map<std::string, std::vector<double>> numbers;  ///< parameters of the device
   std::vector<Condition> conditions;
 
   /// Numbers by name; an empty list where there are none.

@@ -48,7 +48,7 @@ class VirtualRig : public Device {
  protected:
   /// One period under the last command.
   virtual void advance(double now) noexcept = 0;
-  /// What robot and limb are now; `time` and `sequence` are those of every sample.
+  /// Present state of robot and limb; `time` and `sequence` are those of every sample.
   virtual void sense(std::int64_t time, std::uint32_t sequence, Reading& reading) noexcept = 0;
 
   /// Which of these lists of numbers has another length than expected; an empty text where none has.
@@ -85,7 +85,7 @@ class VirtualRig : public Device {
       level_[i] += smoothing_ * ((rectified - who.cocontraction) * most[i] - level_[i]);
     }
   }
-  /// What the drive says of its own torque.
+  /// The drive's measurement of its own torque.
   double read_drive(double torque, double noise) noexcept {
     return pellucid::step(reading_, reading_state_, torque, noise * draws_.normal());
   }

@@ -15,7 +15,7 @@ inline namespace PELLUCID_ABI {
 /// Constants of the identified form.
 template <class S> struct ActivationParams {
   S shape{}, time_constant_1{}, time_constant_2{};
-  S period{};  ///< from one sample to the next [s]; no part of the walk
+  S period{};  ///< sampling period [s]; no part of the walk
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.shape, {"shape", unit::one, between(-3, 0), "A; 0 is a straight line"});
@@ -24,7 +24,7 @@ template <class S> struct ActivationParams {
   }
 };
 
-/// What follows from ActivationParams once.
+/// Coefficients computed once from ActivationParams.
 template <class S> struct ActivationCoefficients {
   S gain_1{};            ///< 1 + C1, what the first lag takes of its input [1]
   S gain_2{};            ///< 1 + C2, what the second lag takes [1]
@@ -33,7 +33,7 @@ template <class S> struct ActivationCoefficients {
   mask_t<S> straight{};  ///< whether A is so near 0 that a series in A is exact, and the quotient is not
 };
 
-/// What the two lags hold.
+/// State of the two lags.
 template <class S> struct ActivationState {
   S lag_1{};  ///< [1]
   S lag_2{};  ///< u, the neural activation [1]
@@ -105,7 +105,7 @@ template <class S> S lag_delay(const ActivationCoefficients<S>& c, const S& peri
 template <class S> struct ActivationDynamicsParams {
   S activation_time{S(0.010)};    ///< t_act [s], > 0
   S deactivation_time{S(0.040)};  ///< t_deact [s], > 0
-  S period{};                     ///< from one sample to the next [s]
+  S period{};                     ///< sampling period [s]
 };
 
 /// Activation one period on, the excitation held meanwhile [1]: exact for the tau that holds at its start.

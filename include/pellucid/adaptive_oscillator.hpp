@@ -19,18 +19,18 @@ template <class S> struct AdaptiveOscillatorParams {
     amplitude_rate = S(2), least_amplitude = S(0.02);
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.frequency, {"frequency", unit::velocity, above(0), "where the oscillator's w starts"});
-    visit(p.frequency_min, {"frequency_min", unit::velocity, above(0), "of w"});
-    visit(p.frequency_max, {"frequency_max", unit::velocity, above(0), "of w"});
+    visit(p.frequency, {"frequency", unit::velocity, above(0), "initial w of the oscillator"});
+    visit(p.frequency_min, {"frequency_min", unit::velocity, above(0), "lower bound of w"});
+    visit(p.frequency_max, {"frequency_max", unit::velocity, above(0), "upper bound of w"});
     visit(p.phase_rate, {"phase_rate", unit::rate, at_least(0), "nu"});
     visit(p.frequency_rate, {"frequency_rate", unit::rate, at_least(0), "nu_w"});
     visit(p.amplitude_rate, {"amplitude_rate", unit::rate, at_least(0), "eta"});
     visit(p.least_amplitude, {"least_amplitude", unit::coordinate, above(0).or_infinite(),
-                              "of the first harmonic, below which phase and frequency are not learnt"});
+                              "amplitude of the first harmonic below which phase and frequency are not learnt"});
   }
 };
 
-/// What follows from AdaptiveOscillatorParams and the period once.
+/// Coefficients computed once from AdaptiveOscillatorParams and the period.
 template <class S> struct AdaptiveOscillatorCoefficients {
   AdaptiveOscillatorParams<S> params{};  ///< as they are
   S period{};                            ///< [s]

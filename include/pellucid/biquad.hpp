@@ -25,7 +25,7 @@ template <class S, std::size_t max_sections = 8> struct BiquadCoefficients {
   std::size_t count = 0;                     ///< how many are used; more than max_sections count as max_sections
 };
 
-/// What a cascade remembers.
+/// State of a cascade.
 template <class S, std::size_t max_sections = 8> struct BiquadState {
   S s1[max_sections]{};  ///< one per section, in the signal's unit
   S s2[max_sections]{};  ///< one per section, in the signal's unit

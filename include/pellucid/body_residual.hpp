@@ -20,7 +20,8 @@ template <class S> struct BodyResidualParams {
     force_excess = wearer_torque;
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.inertia, {"body_inertia", unit::inertia, at_least(0), "J of the robot alone; 0: no model, nothing is checked"});
+    visit(p.inertia, {"body_inertia", unit::inertia, at_least(0),
+                      "J of the robot alone; 0: no model, nothing is checked"});
     visit(p.gravity_sine, {"body_gravity_sine", unit::effort, any_number(), "gravity effort per sin q"});
     visit(p.gravity_cosine, {"body_gravity_cosine", unit::effort, any_number(), "gravity effort per cos q"});
     visit(p.offset, {"body_offset", unit::effort, any_number(), "effort that is always there"});
@@ -28,9 +29,10 @@ template <class S> struct BodyResidualParams {
     visit(p.load, {"body_load", unit::one, share(), "friction per load"});
     visit(p.viscous, {"body_viscous", unit::viscous, at_least(0), "friction per velocity"});
     visit(p.square_root, {"body_square_root", unit::root_viscous, at_least(0), "friction per root of the speed"});
-    visit(p.width, {"body_width", unit::velocity, above(0), "over which friction changes its sign"});
+    visit(p.width, {"body_width", unit::velocity, above(0), "velocity over which friction changes its sign"});
     visit(p.bandwidth, {"residual_bandwidth", unit::rate, above(0), "w of the observer; times the period below 1"});
-    visit(p.slow, {"residual_slow", unit::rate, above(0), "of what counts as lasting; times the period below 1"});
+    visit(p.slow, {"residual_slow", unit::rate, above(0),
+                   "rate of the low-pass that defines a lasting residual; times the period below 1"});
     visit(p.wearer_torque, {"wearer_torque", unit::effort, above(0).or_infinite(),
                             "the most that a wearer gives lastingly, beyond friction; infinite: not checked"});
     visit(p.wearer_push, {"wearer_push", unit::effort, above(0).or_infinite(),
@@ -40,7 +42,7 @@ template <class S> struct BodyResidualParams {
     visit(p.force_burst, {"force_burst", unit::effort, above(0).or_infinite(),
                           "difference at once from the force sensor beyond friction; infinite: not checked"});
     visit(p.force_excess, {"force_excess", unit::effort, above(0).or_infinite(),
-                           "by which it says more than half as much again as the residual, over seconds; infinite: not checked"});
+                           "lasting excess of the sensor over 1.5 times the residual; infinite: not checked"});
   }
 };
 
@@ -48,7 +50,7 @@ constexpr double known_friction = 0.7;  ///< share of a moving joint's friction 
 constexpr double louder = 1.5;          ///< than the residual, a force sensor whose gain is right is not [1]
 constexpr double louder_slow = 0.1;     ///< how slowly that is judged, of what lasts [1]
 
-/// What follows from BodyResidualParams and the period once.
+/// Coefficients computed once from BodyResidualParams and the period.
 template <class S> struct BodyResidualCoefficients {
   BodyResidualParams<S> params{};  ///< as they are
   S period{};                      ///< [s]
@@ -117,7 +119,7 @@ template <class S> void step(const BodyResidualCoefficients<S>& c, BodyResidualS
   if (!is_finite(s.momentum + s.residual + s.lasting + s.contradiction + s.felt + s.excess)) s = {};
 }
 
-/// What the residual shows, if anything: `force_sensor` where that sensor alone contradicts it.
+/// Fault that the residual shows, if any: `force_sensor` where that sensor alone contradicts it.
 template <class S> SafetyFault shown(const BodyResidualCoefficients<S>& c, const BodyResidualState<S>& s) noexcept {
   const BodyResidualParams<S>& p = c.params;
   if (!(abs(s.lasting) <= p.wearer_torque + s.open) || !(abs(s.residual) <= p.wearer_push + s.level))

@@ -27,7 +27,7 @@ template <class S> struct CoupledPlantParams {
   S spring_stiffness{}, spring_damping{};
   JointParams<S> orthosis{};         ///< behind the spring; its friction is its bearing's
   StrapParams<S> strap{};            ///< between orthosis and limb
-  LimbParams<S> limb{};              ///< what wears it
+  LimbParams<S> limb{};              ///< limb of the wearer
   TorqueLoopParams<S> loop{};        ///< the actuator's controller, and the control period
   EncoderParams<S> motor_encoder{};  ///< between gear and spring
   EncoderParams<S> output_encoder{};  ///< behind the spring
@@ -56,7 +56,7 @@ template <class S> struct CoupledPlantParams {
 
 constexpr std::size_t coupled_parameter_count = field_count<CoupledPlantParams<double>>;
 
-/// What follows from CoupledPlantParams once.
+/// Coefficients computed once from CoupledPlantParams.
 template <class S> struct CoupledPlantCoefficients {
   S inverse_motor_inertia{};                     ///< 1 / J_m [1/(kg m^2)]
   GearFrictionCoefficients<S> motor_friction{};  ///< friction of motor and gear
@@ -64,7 +64,7 @@ template <class S> struct CoupledPlantCoefficients {
   S spring_damping{};                            ///< D [N m s/rad]
   JointCoefficients<S> orthosis{};               ///< behind the spring
   StrapCoefficients<S> strap{};                  ///< between orthosis and limb
-  LimbCoefficients<S> limb{};                    ///< what wears it
+  LimbCoefficients<S> limb{};                    ///< limb of the wearer
   TorqueLoopCoefficients<S> loop{};              ///< the actuator's controller
   EncoderCoefficients<S> motor_encoder{};        ///< between gear and spring
   EncoderCoefficients<S> output_encoder{};       ///< behind the spring
@@ -96,12 +96,12 @@ template <class S> struct CoupledPlantState {
   S orthosis_velocity{};      ///< v_e [rad/s]
   S limb_position{};          ///< q_k [rad]
   S limb_velocity{};          ///< v_k [rad/s]
-  StrapState<S> strap{};      ///< what the strap remembers
+  StrapState<S> strap{};      ///< state of the strap
   PreslidingState<S> contacts{};  ///< contacts of the motor's friction
-  TorqueLoopState<S> loop{};  ///< what the actuator remembers
+  TorqueLoopState<S> loop{};  ///< state of the actuator
 };
 
-/// What a plant is given each period.
+/// Inputs of a plant in each period.
 template <class S> struct CoupledPlantInput {
   S desired_torque{};  ///< tau_d, of the spring [N m]
   S muscle_torque{};   ///< tau_k [N m]
@@ -109,11 +109,11 @@ template <class S> struct CoupledPlantInput {
   S base_torque{};     ///< tau_b: of the base that moves, on the orthosis [N m]
 };
 
-/// What holds at one moment; `motor_torque` is of the period that ended there.
+/// Values at one moment; `motor_torque` is that of the period that ended there.
 template <class S> struct CoupledPlantOutput {
-  S position{};        ///< what the output encoder says [rad]
-  S motor_position{};  ///< what the motor's encoder says [rad]
-  S torque{};          ///< what their difference says of the spring's torque [N m]
+  S position{};        ///< reading of the output encoder [rad]
+  S motor_position{};  ///< reading of the motor's encoder [rad]
+  S torque{};          ///< spring torque from their difference [N m]
   S spring_torque{};   ///< tau_s [N m]
   S strap_torque{};    ///< tau_c, on the orthosis [N m]
   S motor_torque{};    ///< u [N m]
@@ -126,14 +126,14 @@ template <class S> S spring_torque(const CoupledPlantCoefficients<S>& c, const C
          c.spring_damping * (state.motor_velocity - state.orthosis_velocity);
 }
 
-/// What the strap does to orthosis and limb.
+/// Torques of the strap on orthosis and limb.
 template <class S>
 StrapPull<S> strap_pull(const CoupledPlantCoefficients<S>& c, const CoupledPlantState<S>& state) noexcept {
   return pull(c.strap, state.strap, state.orthosis_position, state.orthosis_velocity, state.limb_position,
               state.limb_velocity);
 }
 
-/// What encoders say now, and the torques that they cannot tell apart. Reading changes nothing.
+/// Present readings of the encoders, and the torques that they cannot distinguish. Reading changes nothing.
 template <class S>
 CoupledPlantOutput<S> read(const CoupledPlantCoefficients<S>& c, const CoupledPlantState<S>& state) noexcept {
   CoupledPlantOutput<S> out;

@@ -13,8 +13,8 @@ namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct CuffParams {
-  std::uint32_t robot_link = 1;  ///< from 1
-  std::uint32_t limb_link = 1;   ///< from 1
+  std::uint32_t robot_link = 1;  ///< index from 1
+  std::uint32_t limb_link = 1;   ///< index from 1
   S robot_x{}, robot_y{}, robot_z{}, limb_x{}, limb_y{}, limb_z{}, stiffness_x{}, stiffness_y{}, stiffness_z{},
       damping_x{}, damping_y{}, damping_z{}, turning_stiffness{}, turning_damping{};
 
@@ -23,12 +23,12 @@ template <class S> struct CuffParams {
     constexpr Unit turning{0, 0, 0, "N*m/rad"}, turning_loss{0, 0, 0, "N*m*s/rad"};
     visit(p.robot_link, {"robot_link", unit::one, at_least(1), "link of the robot, from 1"});
     visit(p.limb_link, {"limb_link", unit::one, at_least(1), "link of the limb, from 1"});
-    visit(p.robot_x, {"robot_x", unit::length, any_number(), "of the cuff, in the robot's link"});
-    visit(p.robot_y, {"robot_y", unit::length, any_number(), "of the cuff"});
-    visit(p.robot_z, {"robot_z", unit::length, any_number(), "of the cuff"});
-    visit(p.limb_x, {"limb_x", unit::length, any_number(), "of the skin in it, in the limb's link"});
-    visit(p.limb_y, {"limb_y", unit::length, any_number(), "of the skin in it"});
-    visit(p.limb_z, {"limb_z", unit::length, any_number(), "of the skin in it"});
+    visit(p.robot_x, {"robot_x", unit::length, any_number(), "position of the cuff in the robot's link"});
+    visit(p.robot_y, {"robot_y", unit::length, any_number(), "position of the cuff in the robot's link"});
+    visit(p.robot_z, {"robot_z", unit::length, any_number(), "position of the cuff in the robot's link"});
+    visit(p.limb_x, {"limb_x", unit::length, any_number(), "position of the skin in the cuff, in the limb's link"});
+    visit(p.limb_y, {"limb_y", unit::length, any_number(), "position of the skin in the cuff, in the limb's link"});
+    visit(p.limb_z, {"limb_z", unit::length, any_number(), "position of the skin in the cuff, in the limb's link"});
     visit(p.stiffness_x, {"stiffness_x", stiffness, at_least(0), "K_x, along the robot's link's x"});
     visit(p.stiffness_y, {"stiffness_y", stiffness, at_least(0), "K_y"});
     visit(p.stiffness_z, {"stiffness_z", stiffness, at_least(0), "K_z"});
@@ -40,10 +40,10 @@ template <class S> struct CuffParams {
   }
 };
 
-/// What follows from CuffParams once.
+/// Coefficients computed once from CuffParams.
 template <class S> struct CuffCoefficients {
-  std::size_t robot_link = 0;   ///< from 0
-  std::size_t limb_link = 0;    ///< from 0
+  std::size_t robot_link = 0;   ///< index from 0
+  std::size_t limb_link = 0;    ///< index from 0
   Vector3<S> on_robot{};        ///< the cuff in the robot's link [m]
   Vector3<S> on_limb{};         ///< the skin in the limb's link [m]
   Vector3<S> stiffness{};       ///< diagonal of K [N/m]
@@ -105,7 +105,7 @@ void add_force(const TreeCoefficients<S, N>& c, const Placement<S>* in_base, std
   }
 }
 
-/// What a cuff does to the robot, in the axes of the robot's link; to the limb the opposite.
+/// Force and moment of a cuff on the robot, in the axes of the robot's link; the limb receives the opposite.
 template <class S> struct CuffPull {
   Vector3<S> force;   ///< at the limb's point [N]
   Vector3<S> moment;  ///< [N m]
@@ -144,7 +144,7 @@ CuffPull<S> pull(const CuffCoefficients<S>& c, const TreeCoefficients<S, N>& rob
   return made;
 }
 
-/// What a cuff stores [J].
+/// Elastic energy of a cuff [J].
 template <class S>
 S cuff_energy(const CuffCoefficients<S>& c, const Placement<S>& robot, const Placement<S>& limb) noexcept {
   const Vector3<S> at = limb.rotation * c.on_limb + limb.position;

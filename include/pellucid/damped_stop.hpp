@@ -16,7 +16,7 @@ template <class S> struct DampedStopParams {
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.damping, {"hold_damping", unit::viscous, at_least(0), "b; 0: no damped stop, effort 0 at once"});
-    visit(p.limit, {"hold_limit", unit::effort, at_least(0), "of its effort"});
+    visit(p.limit, {"hold_limit", unit::effort, at_least(0), "limit of its effort"});
   }
 };
 

@@ -14,7 +14,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// What is compensated while the joint moves one way.
+/// Parameters of compensation in one direction of motion.
 template <class S> struct DirectionTerms {
   S gravity_sine{}, gravity_cosine{}, coulomb{}, viscous{}, inertia{}, exponent{};
 
@@ -41,13 +41,13 @@ template <class S> struct DirectionalCompensationParams {
     pellucid::walk(p.up, upwards);
     pellucid::walk(p.down, downwards);
     visit(p.dead_band, {"dead_band", unit::velocity, above(0), "speeds below are rest"});
-    visit(p.inertia_limit, {"inertia_limit", unit::effort, at_least(0), "of |J |v|^k|"});
+    visit(p.inertia_limit, {"inertia_limit", unit::effort, at_least(0), "limit of |J |v|^k|"});
     pellucid::walk(p.speed, visit);
     pellucid::walk(p.gate, visit);
   }
 };
 
-/// What follows from DirectionalCompensationParams once.
+/// Coefficients computed once from DirectionalCompensationParams.
 template <class S> struct DirectionalCompensationCoefficients {
   DirectionalCompensationParams<S> params{};  ///< as they are
   EncoderSpeedCoefficients<S> speed{};        ///< estimate of the velocity from the encoder

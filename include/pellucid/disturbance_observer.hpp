@@ -18,14 +18,14 @@ template <class S> struct DisturbanceObserverParams {
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.share, {"disturbance_share", unit::one, Bounds{0, 1, false, true},
-                    "of d that is fed forward; at 1 whatever sticks is pushed harder and harder"});
-    visit(p.lowpass, {"disturbance_lowpass", unit::velocity, above(0).or_infinite(), "of d"});
+                    "fed forward share of d; at 1 a sticking joint is pushed harder and harder"});
+    visit(p.lowpass, {"disturbance_lowpass", unit::velocity, above(0).or_infinite(), "low-pass on d"});
     visit(p.delay, {"disturbance_delay", unit::time, any_number(),
-                    "of sensor and acceleration; from half a period before to 31 after"});
-    visit(p.limit, {"disturbance_limit", unit::effort, at_least(0), "of what is fed forward"});
+                    "delay of sensor and acceleration, from half a period to 31 periods"});
+    visit(p.limit, {"disturbance_limit", unit::effort, at_least(0), "limit of the fed forward disturbance"});
   }
 };
-/// What follows from DisturbanceObserverParams and the period once.
+/// Coefficients computed once from DisturbanceObserverParams and the period.
 template <class S> struct DisturbanceObserverCoefficients {
   DisturbanceObserverParams<S> params{};  ///< as they are
   S smoothing{};                     ///< share of a new sample [1]

@@ -16,10 +16,10 @@ template <class S> struct DitherParams {
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.torque, {"dither", unit::effort, at_least(0), "amplitude of the motor's dither"});
     visit(p.frequency, {"dither_frequency", unit::velocity, any_number(),
-                        "of the dither; times the period 0 to below pi"});
+                        "frequency of the dither; times the period 0 to below pi"});
   }
 };
-/// What follows from DitherParams and the period once.
+/// Coefficients computed once from DitherParams and the period.
 template <class S> struct DitherCoefficients {
   DitherParams<S> params{};  ///< as they are
   S turn{};                  ///< change of the phase in a period [rad]

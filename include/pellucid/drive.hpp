@@ -15,7 +15,7 @@ template <class S> struct DriveParams {
   S ripple_phase{};        ///< phi [rad]
 };
 
-/// What follows from DriveParams once.
+/// Coefficients computed once from DriveParams.
 template <class S> struct DriveCoefficients {
   DriveParams<S> params{};  ///< as they are
   bool any_ripple = false;  ///< whether there is ripple, in some lane

@@ -19,19 +19,22 @@ template <class S> struct DriveDelayWatchParams {
   S limit = S(std::numeric_limits<S>::infinity()), rate = limit, smoothing = S(60), forget = S(0.5), share{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.limit, {"drive_delay", unit::time, above(0).or_infinite(), "by which its answer may be late; infinite: any"});
+    visit(p.limit, {"drive_delay", unit::time, above(0).or_infinite(),
+                    "largest delay of the drive's response; infinite: any"});
     visit(p.rate, {"drive_delay_rate", unit::effort_rate, above(0).or_infinite(),
-                   "standard deviation of the command's rate from which on that is judged"});
-    visit(p.smoothing, {"drive_delay_smoothing", unit::rate, above(0), "of command and answer; times the period below a half"});
-    visit(p.forget, {"drive_delay_forget", unit::rate, above(0), "of what was seen before; times the period below a half"});
+                   "smallest standard deviation of the command's rate for the check of the delay"});
+    visit(p.smoothing, {"drive_delay_smoothing", unit::rate, above(0),
+                        "bandwidth of the low-pass on command and response; times the period below a half"});
+    visit(p.forget, {"drive_delay_forget", unit::rate, above(0),
+                     "rate at which earlier samples are forgotten; times the period below a half"});
     visit(p.share, {"drive_delay_share", unit::one, pellucid::share(),
-                    "of what is wrong with its answer that being late must explain; 0: any"});
+                    "share of the response's error that the delay must explain; 0: any"});
   }
 };
 
 constexpr double delay_memory = 0.4;  ///< share of the memory's time constant before which nothing is judged [1]
 
-/// What follows from DriveDelayWatchParams and the period of the watch once.
+/// Coefficients computed once from DriveDelayWatchParams and the period of the watch.
 template <class S> struct DriveDelayWatchCoefficients {
   DriveDelayWatchParams<S> params{};  ///< as they are
   S smoothing{};                      ///< share of a new effort in the smoothed one [1]
@@ -63,7 +66,7 @@ template <class S> struct DriveDelayWatchState {
   S count{};                       ///< answers so far, up to the memory's
 };
 
-/// What the answers so far say of how late they are.
+/// Estimate of the delay from the responses so far.
 template <class S> struct SeenLateness {
   S late{};               ///< how late they are, times `varied`
   S varied{};             ///< variance of the command's rate beside the command, times the command's

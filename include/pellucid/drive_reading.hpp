@@ -23,7 +23,7 @@ template <class S> struct DriveReadingParams {
   }
 };
 
-/// What follows from DriveReadingParams and the period once.
+/// Coefficients computed once from DriveReadingParams and the period.
 template <class S> struct DriveReadingCoefficients {
   DriveReadingParams<S> params{};  ///< as they are
   S kept{};                        ///< share of the last reading that a period leaves [1]

@@ -38,11 +38,13 @@ template <class S> struct DriveWatchParams {
     surplus = tolerance, late{}, gain{}, offset{}, forget{}, inertia{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.expected, {"drive_expected", unit::one, between(0, 1), "1: the drive measures its effort, and must say so"});
+    visit(p.expected, {"drive_expected", unit::one, between(0, 1),
+                       "1: the drive measures its effort, and must say so"});
     visit(p.cycles, {"drive_cycles", unit::one, at_least(1), "periods in a row outside, or silent, that are a fault"});
-    visit(p.tolerance, {"drive_tolerance", unit::effort, above(0).or_infinite(), "of what it gives"});
+    visit(p.tolerance, {"drive_tolerance", unit::effort, above(0).or_infinite(),
+                        "largest error of the measured effort"});
     visit(p.relative, {"drive_share", unit::one, share(), "more of it, per effort asked for"});
-    visit(p.limit, {"drive_limit", unit::effort, above(0).or_infinite(), "what it can give at most"});
+    visit(p.limit, {"drive_limit", unit::effort, above(0).or_infinite(), "largest effort of the drive"});
     visit(p.surplus, {"drive_surplus", unit::energy, above(0).or_infinite(),
                       "energy that it may give beyond what it was asked for; infinite: any"});
     visit(p.late, {"drive_late", unit::one, share(),
@@ -51,9 +53,10 @@ template <class S> struct DriveWatchParams {
                    "share of its own value by which its measurement may be wrong without adding to the surplus"});
     visit(p.offset, {"drive_offset", unit::effort, at_least(0),
                      "offset of its measurement that does not add to the surplus"});
-    visit(p.forget, {"drive_forget", unit::one, share(), "share of the surplus that a period forgets; 0: none"});
+    visit(p.forget, {"drive_forget", unit::one, share(),
+                     "share of the surplus that is forgotten in a period; 0: none"});
     visit(p.inertia, {"drive_inertia", unit::inertia, at_least(0),
-                      "that its torque loop leaves to whoever moves the joint, at most; the second encoder is then its own. 0: none"});
+                      "largest inertia that its torque loop leaves; the second encoder is then its own. 0: none"});
   }
 };
 
@@ -74,7 +77,7 @@ template <class S> struct DriveWatchState {
   std::uint32_t agreed = lone_reading_gap;  ///< readings since one was outside alone, at most that
 };
 
-/// What was asked for in this period, of a drive that is on.
+/// Command of this period, to a drive that is on.
 template <class S> void ask(DriveWatchState<S>& s, const S& effort) noexcept {
   s.asked_before = s.asked;
   s.asked = effort;

@@ -13,10 +13,10 @@ inline namespace PELLUCID_ABI {
 template <class S> struct ElasticMuscleParams {
   MuscleParams<S> muscle{};   ///< fibre, and the tendon's slack length; its damping should be above 0
   S tendon_strain{S(0.033)};  ///< e_0, of the tendon under F_0 [1], > 0
-  S period{};                 ///< from one sample to the next [s], > 0
+  S period{};                 ///< sampling period [s], > 0
 };
 
-/// What follows from ElasticMuscleParams once.
+/// Coefficients computed once from ElasticMuscleParams.
 template <class S> struct ElasticMuscleCoefficients {
   MuscleCoefficients<S> muscle{};  ///< coefficients of the fibre
   S inverse_period{};              ///< [1/s]; 0: at rest
@@ -26,7 +26,7 @@ template <class S> struct ElasticMuscleCoefficients {
   S stiffness{};                   ///< beyond the toe, in F_0 per strain [1]
 };
 
-/// What an elastic muscle remembers.
+/// State of an elastic muscle.
 template <class S> struct ElasticMuscleState {
   S along{};   ///< l cos phi [m]
   S length{};  ///< l [m]

@@ -59,10 +59,10 @@ template <class S> struct EstimatedJointParams {
   std::uint32_t terms = 0;                     ///< how many
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.offset, {"offset", unit::effort, any_number(), "of the joint's own tissue"});
-    visit(p.stiffness, {"stiffness", unit::stiffness, any_number(), "of it, k in -k q"});
-    visit(p.damping, {"damping", unit::viscous, any_number(), "of it, b in -b dq/dt"});
-    visit(p.limit, {"limit", unit::effort, above(0), "of |torque|: more than was ever seen is no muscle's"});
+    visit(p.offset, {"offset", unit::effort, any_number(), "torque offset of the joint's own tissue"});
+    visit(p.stiffness, {"stiffness", unit::stiffness, any_number(), "stiffness of that tissue, k in -k q"});
+    visit(p.damping, {"damping", unit::viscous, any_number(), "damping of that tissue, b in -b dq/dt"});
+    visit(p.limit, {"limit", unit::effort, above(0), "limit of |torque|, above all recorded values"});
   }
 };
 
@@ -71,13 +71,13 @@ template <class S> struct EmgChannelParams {
   S scale{S(1)}, rest{}, ceiling{S(1)};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.scale, {"scale", unit::one, above(0), "of the envelope that is made or given"});
+    visit(p.scale, {"scale", unit::one, above(0), "scale of the computed or given envelope"});
     visit(p.rest, {"rest", unit::one, any_number(), "envelope of a channel that is lost"});
     visit(p.ceiling, {"ceiling", unit::one, any_number(), "an envelope above it is no muscle's, and is cut off there"});
   }
 };
 
-/// What an estimator of torque from EMG is.
+/// Parameters of an estimator of torque from EMG.
 template <class S, class Size> struct EmgEstimatorParams {
   std::uint32_t channels = 0, angles = 0, muscles = 0, joints = 0;  ///< how many of each are used
   bool raw = false;                             ///< whether EMG comes as it was recorded, through `listen`
@@ -93,19 +93,19 @@ template <class S, class Size> struct EmgEstimatorParams {
   std::uint32_t pattern_terms[Size::channels]{};   ///< how many of each
   std::uint32_t lag[most_emg_lags]{};           ///< how much earlier a map sees envelopes too, in samples
   std::uint32_t lags = 0;                       ///< how many of them
-  S period{};                                   ///< from one step to the next [s]
+  S period{};                                   ///< control period [s]
   std::uint32_t period_us = 0;                  ///< the same, rounded [us]
   std::uint32_t patience = 0;                   ///< periods that what is silent keeps its last value
 };
 
-/// What follows from DrivenMuscleParams once.
+/// Coefficients computed once from DrivenMuscleParams.
 template <class S, class Size> struct DrivenMuscleCoefficients {
   EmgMuscleCoefficients<S> muscle{};    ///< from the envelope on
   MusclePathCoefficients<S> path{};     ///< length and arms
   S share[Size::channels]{};            ///< share of each channel's envelope in the muscle's excitation [1]
 };
 
-/// What follows from EmgEstimatorParams once.
+/// Coefficients computed once from EmgEstimatorParams.
 template <class S, class Size> struct EmgEstimatorCoefficients {
   std::uint32_t channels = 0, angles = 0, muscles = 0, joints = 0;  ///< how many of each are used
   bool raw = false, valid = false;                ///< as asked; whether the parameters make sense
@@ -222,7 +222,7 @@ void settle(const BiquadCoefficients<S, most>& c, BiquadState<S, most>& state, S
   }
 }
 
-/// What an estimate is worth.
+/// Validity of an estimate.
 enum class EmgFault : std::uint8_t {
   none,           ///< as good as its calibration
   configuration,  ///< the parameters make no sense: every torque is 0
@@ -239,14 +239,14 @@ constexpr const char* emg_fault_names[] = {"none",    "configuration", "time",  
                                            "channel", "ceiling",       "limit", "restarted",
                                            "changed", "unlike"};
 
-/// What is heard at one instant.
+/// Inputs at one instant.
 template <class S, class Size> struct EmgSamples {
   std::int64_t time = 0;          ///< on any clock that only goes on [us]
   S envelope[Size::channels]{};   ///< where they were made elsewhere; what is not finite was not heard
   S angle[Size::angles]{};        ///< [rad]; what is not finite, or beyond 100, was not heard
 };
 
-/// What is made of it.
+/// Outputs.
 template <class S, class Size> struct EmgEstimate {
   S torque[Size::joints]{};             ///< [N m], finite and within each limit
   std::uint32_t lost = 0;               ///< channels that have been silent for too long, a bit each
@@ -256,7 +256,7 @@ template <class S, class Size> struct EmgEstimate {
   EmgFault fault = EmgFault::angle;     ///< the gravest; without one this is `none`
 };
 
-/// What is remembered of one angle.
+/// State of one angle.
 template <class S> struct AngleState {
   BiquadState<S, 1> filter{};  ///< low-pass
   S heard{};                   ///< last value [rad]
@@ -266,18 +266,18 @@ template <class S> struct AngleState {
   std::uint32_t silent = 0;    ///< periods since
 };
 
-/// What is remembered of one channel.
+/// State of one channel.
 template <class S, std::size_t lag> struct ChannelState {
   BiquadState<S, 6> before{};  ///< filters of raw EMG
   BiquadState<S, 4> after{};   ///< filters of rectified EMG
-  S level{};                   ///< what these last gave
+  S level{};                   ///< last output of these
   bool fresh = false;          ///< whether they gave anything since the last step
   S heard{};                   ///< last envelope
   std::uint32_t silent = 0;    ///< periods since
   S past[lag]{};               ///< envelopes as they were used, a ring
 };
 
-/// What the estimator remembers. Zeros are a beginning.
+/// State of the estimator. Zeros are a valid initial state.
 template <class S, class Size> struct EmgEstimatorState {
   ChannelState<S, Size::lag> channel[Size::channels]{};  ///< each one's filters and lags
   AngleState<S> angle[Size::angles]{};  ///< each, with its speed

@@ -19,12 +19,13 @@ template <class S> struct EmgPredictionParams {
                            "J of limb and of what of the robot is left to it"});
     visit(p.limb_gravity, {"limb_gravity", unit::effort, any_number(), "m g l of the limb"});
     visit(p.limb_viscous, {"limb_viscous", unit::viscous, at_least(0).or_infinite(), "b of the wearer's joint"});
-    visit(p.slow, {"emg_slow", unit::velocity, at_least(0).or_infinite(), "rate below which an EMG torque is an error"});
-    visit(p.acceleration_limit, {"emg_limit", unit::acceleration, at_least(0), "of |a| that EMG foresees"});
-    visit(p.share, {"emg_share", unit::one, pellucid::share(), "of the fed forward acceleration that is EMG's"});
+    visit(p.slow, {"emg_slow", unit::velocity, at_least(0).or_infinite(),
+                   "rate below which an EMG torque is an error"});
+    visit(p.acceleration_limit, {"emg_limit", unit::acceleration, at_least(0), "limit of |a| predicted from EMG"});
+    visit(p.share, {"emg_share", unit::one, pellucid::share(), "share of the fed forward acceleration from EMG"});
   }
 };
-/// What follows from EmgPredictionParams and the period once.
+/// Coefficients computed once from EmgPredictionParams and the period.
 template <class S> struct EmgPredictionCoefficients {
   EmgPredictionParams<S> params{};  ///< as they are
   S inverse_inertia{};              ///< [1/(kg m^2)]

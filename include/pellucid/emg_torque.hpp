@@ -25,7 +25,7 @@ template <class S> struct EmgTorqueParams {
   S torque_limit{};                               ///< limit of |tau| [N m], > 0
 };
 
-/// What follows from EmgTorqueParams once: whether they make sense.
+/// Validity of EmgTorqueParams, computed once.
 template <class S> struct EmgTorqueCoefficients {
   EmgTorqueParams<S> params{};  ///< as they are
   bool valid = false;           ///< whether they make sense
@@ -41,7 +41,7 @@ template <class S> EmgTorqueCoefficients<S> coefficients(const EmgTorqueParams<S
   return c;
 }
 
-/// What the chain remembers.
+/// State of the chain.
 template <class S> struct EmgTorqueState {
   BiquadState<S, 4> band[max_muscles]{};      ///< one a muscle
   BiquadState<S, 2> envelope[max_muscles]{};  ///< one a muscle

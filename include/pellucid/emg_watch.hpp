@@ -33,7 +33,8 @@ template <class S> struct WatchedChannelParams {
   S consequence{}, usual{}, square{}, product{}, pattern_square{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.consequence, {"consequence", unit::one, at_least(0), "share of the torque's variance by squared envelope"});
+    visit(p.consequence, {"consequence", unit::one, at_least(0),
+                          "share of the torque's variance per squared envelope"});
     visit(p.usual, {"usual", unit::one, at_least(0), "largest <(x - s p)^2> in the fitted recordings"});
     visit(p.square, {"square", unit::one, at_least(0), "<x x> in the fitted recordings, with which the watch begins"});
     visit(p.product, {"product", unit::one, at_least(0), "<x p> in them"});
@@ -53,7 +54,7 @@ template <class S> struct WatchedAngleParams {
   }
 };
 
-/// What a watch is held against.
+/// Reference values of a watch.
 template <class S, std::size_t channels_, std::size_t angles_> struct EmgWatchParams {
   bool on = false;                             ///< whether channels are watched
   S forgetting{};                              ///< share of a mean that a step replaces, above 0 and at most 1
@@ -62,7 +63,7 @@ template <class S, std::size_t channels_, std::size_t angles_> struct EmgWatchPa
   WatchedAngleParams<S> angle[angles_]{};        ///< each
 };
 
-/// What a watch remembers. Zeros are a beginning.
+/// State of a watch. Zeros are a valid initial state.
 template <class S, std::size_t channels_> struct EmgWatchState {
   S square[channels_]{}, product[channels_]{}, pattern_square[channels_]{};  ///< <x x>, <x p> and <p p>
   S loss[channels_]{};        ///< d of each channel at the last step

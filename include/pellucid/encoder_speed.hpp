@@ -16,7 +16,7 @@ template <class S> struct EncoderSpeedParams {
   }
 };
 
-/// What follows from EncoderSpeedParams and the period once.
+/// Coefficients computed once from EncoderSpeedParams and the period.
 template <class S> struct EncoderSpeedCoefficients {
   std::uint32_t span = 1;  ///< samples
   S inverse_time{};        ///< 1 / duration of the span [1/s]

@@ -18,11 +18,13 @@ template <class S> struct EncoderWatchParams {
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.speed_limit, {"raw_speed_limit", unit::velocity, above(0).or_infinite(),
-                          "of the encoder's raw differences; infinite: none"});
+                          "limit of the encoder's raw differences; infinite: none"});
     visit(p.acceleration_limit, {"raw_acceleration_limit", unit::acceleration, above(0).or_infinite(),
-                                 "of their changes; beyond, the encoder has jumped"});
-    visit(p.range_min, {"range_min", unit::coordinate, any_number().or_infinite(), "below, the position is a fault"});
-    visit(p.range_max, {"range_max", unit::coordinate, any_number().or_infinite(), "above, the position is a fault"});
+                                 "limit of their changes; beyond, the encoder has jumped"});
+    visit(p.range_min, {"range_min", unit::coordinate, any_number().or_infinite(),
+                        "position below which a fault is detected"});
+    visit(p.range_max, {"range_max", unit::coordinate, any_number().or_infinite(),
+                        "position above which a fault is detected"});
     visit(p.resolution, {"encoder_resolution", unit::coordinate, at_least(0), "error of one reading"});
     visit(p.freeze_speed, {"freeze_speed", unit::velocity, above(0).or_infinite(),
                            "faster than this, nothing comes to rest within two samples"});
@@ -31,7 +33,7 @@ template <class S> struct EncoderWatchParams {
   }
 };
 
-/// What follows from EncoderWatchParams and the period once.
+/// Coefficients computed once from EncoderWatchParams and the period.
 template <class S> struct EncoderWatchCoefficients {
   EncoderWatchParams<S> params{};  ///< as they are
   S period{};                      ///< [s]

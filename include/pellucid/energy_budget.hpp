@@ -19,11 +19,12 @@ template <class S> struct EnergyBudgetParams {
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.push_limit, {"push_limit", unit::effort, above(0).or_infinite(),
-                         "of an effort beyond weight and friction; infinite: none"});
-    visit(p.power_limit, {"power_limit", Unit{1, 1, -1}, above(0).or_infinite(), "of effort times velocity; infinite: none"});
+                         "limit of the effort beyond gravity and friction; infinite: none"});
+    visit(p.power_limit, {"power_limit", Unit{1, 1, -1}, above(0).or_infinite(),
+                          "limit of effort times velocity; infinite: none"});
     visit(p.store, {"budget_store", unit::energy, above(0).or_infinite(),
                     "energy that may be given beyond weight and friction; infinite: any"});
-    visit(p.steady, {"budget_power", Unit{1, 1, -1}, at_least(0), "that refills it"});
+    visit(p.steady, {"budget_power", Unit{1, 1, -1}, at_least(0), "power that refills the budget"});
   }
 };
 

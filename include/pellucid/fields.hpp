@@ -82,7 +82,7 @@ struct Field {
   const char* name;         ///< as arrays, C and Python have it, between what a walk around this one puts there
   Unit unit;                ///< SI
   Bounds bounds;            ///< where it may lie
-  const char* sentence;     ///< what it is
+  const char* sentence;     ///< description
   Resists resists{};        ///< how it resists, if it is a coefficient of friction
   const char* before = "";  ///< begins the name
   const char* after = "";   ///< ends the name

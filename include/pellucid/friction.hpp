@@ -21,10 +21,14 @@ template <class S> struct FrictionParams {
 
   /// What resists, and the velocity of its rise: all but the width of the sign.
   template <class P, class V> static constexpr void resisting(P& p, V& visit) noexcept {
-    visit(p.coulomb_positive, {"coulomb_positive", unit::effort, at_least(0), "F_c+, level while v > 0", by::level.only_one_way()});
-    visit(p.coulomb_negative, {"coulomb_negative", unit::effort, at_least(0), "F_c-, level while v < 0", by::level.only_one_way()});
-    visit(p.viscous_positive, {"viscous_positive", unit::viscous, at_least(0), "F_v+, slope while v > 0", by::speed.only_one_way()});
-    visit(p.viscous_negative, {"viscous_negative", unit::viscous, at_least(0), "F_v-, slope while v < 0", by::speed.only_one_way()});
+    visit(p.coulomb_positive, {"coulomb_positive", unit::effort, at_least(0),
+                               "F_c+, level while v > 0", by::level.only_one_way()});
+    visit(p.coulomb_negative, {"coulomb_negative", unit::effort, at_least(0),
+                               "F_c-, level while v < 0", by::level.only_one_way()});
+    visit(p.viscous_positive, {"viscous_positive", unit::viscous, at_least(0),
+                               "F_v+, slope while v > 0", by::speed.only_one_way()});
+    visit(p.viscous_negative, {"viscous_negative", unit::viscous, at_least(0),
+                               "F_v-, slope while v < 0", by::speed.only_one_way()});
     visit(p.stribeck, {"stribeck", unit::effort, at_least(0), "F_s, extra level at rest", by::level});
     visit(p.stribeck_velocity, {"stribeck_velocity", unit::velocity, at_least(0),
                                 "v_s, where the extra level has fallen to 1/e; below 1e-9: no extra level"});
@@ -54,7 +58,7 @@ template <class S> struct FrictionParams {
 /// Widths and velocities below count as 0, so that no inverse overflows [rad/s].
 constexpr double smallest_velocity = 1e-9;
 
-/// What follows from FrictionParams once.
+/// Coefficients computed once from FrictionParams.
 template <class S> struct FrictionCoefficients {
   S coulomb_positive{};           ///< F_c+ [N m]
   S coulomb_negative{};           ///< F_c- [N m]

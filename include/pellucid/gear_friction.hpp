@@ -30,7 +30,7 @@ template <class S> struct GearFrictionParams {
   }
 };
 
-/// What follows from GearFrictionParams once.
+/// Coefficients computed once from GearFrictionParams.
 template <class S> struct GearFrictionCoefficients {
   FrictionCoefficients<S> friction{};  ///< the terms that an identified model knows
   S load_rise{};                       ///< rho [1], 0 without a Stribeck velocity
@@ -62,7 +62,7 @@ template <class S> GearFrictionCoefficients<S> coefficients(const GearFrictionPa
   return c;
 }
 
-/// What the Coulomb level is multiplied by at a position: 1 + eps sin(n q).
+/// Factor of the Coulomb level at a position: 1 + eps sin(n q).
 template <class S> S coulomb_share(const GearFrictionCoefficients<S>& c, const S& position) noexcept {
   if (!c.any_swing) return S(1);
   return select(c.swings, S(1) + c.swing * sin(c.wave_number * position), S(1));

@@ -38,21 +38,21 @@ constexpr std::size_t geared_parameter_count = field_count<GearedJointParams<dou
 
 template <class S> struct GearedPlantParams {
   GearedJointParams<S> joint{};  ///< the mechanism
-  DriveParams<S> drive{};        ///< from command to effort, at the motor
+  DriveParams<S> drive{};        ///< dynamics from command to effort, at the motor
   LoopParams<S> loop{};          ///< the controller, and the control period
-  EncoderParams<S> encoder{};    ///< what the controller sees, of the motor
+  EncoderParams<S> encoder{};    ///< the controller's encoder, on the motor
   std::uint32_t substeps = 4;    ///< integration steps per control period, >= 1
 };
 
-/// What follows from GearedPlantParams once.
+/// Coefficients computed once from GearedPlantParams.
 template <class S> struct GearedPlantCoefficients {
   JointCoefficients<S> link{};                   ///< behind the transmission
   S inverse_motor_inertia{};                     ///< 1 / J_m [1/(kg m^2)]
   TransmissionCoefficients<S> transmission{};    ///< between motor and link
   GearFrictionCoefficients<S> motor_friction{};  ///< friction of motor and gear
-  DriveCoefficients<S> drive{};                  ///< from command to effort
+  DriveCoefficients<S> drive{};                  ///< dynamics from command to effort
   LoopCoefficients<S> loop{};                    ///< the controller
-  EncoderCoefficients<S> encoder{};              ///< what the controller sees
+  EncoderCoefficients<S> encoder{};              ///< the controller's encoder
   S substep{};                                   ///< h [s]
   std::uint32_t substeps = 4;                    ///< per control period
 };
@@ -76,7 +76,7 @@ template <class S> struct GearedPlantState {
   S motor_velocity{};   ///< v_m [rad/s]
   S link_position{};    ///< q [rad]
   S link_velocity{};    ///< v [rad/s]
-  LoopState<S> loop{};  ///< what the controller remembers
+  LoopState<S> loop{};  ///< state of the controller
   PreslidingState<S> contacts{};  ///< contacts of the motor's friction
 };
 
@@ -91,14 +91,14 @@ GearedPlantState<S> balanced(const GearedPlantCoefficients<S>& c, const S& posit
   return state;
 }
 
-/// What held at the start of the period.
+/// Values at the start of the period.
 template <class S> struct GearedPlantOutput {
   S motor_position{};       ///< q_m [rad]
   S motor_velocity{};       ///< v_m [rad/s]
   S link_position{};        ///< q [rad]
   S link_velocity{};        ///< v [rad/s]
   S command{};              ///< u, limited, with what was injected [u]
-  S measured_position{};    ///< what the motor's encoder said [rad]
+  S measured_position{};    ///< reading of the motor's encoder [rad]
   S transmission_torque{};  ///< tau [N m]
 };
 

@@ -41,7 +41,7 @@ template <class S, std::size_t most> struct HillTorqueParams {
   std::size_t count = 0;              ///< how many are used; more than `most` count as `most`
 };
 
-/// What follows from EmgMuscleParams once.
+/// Coefficients computed once from EmgMuscleParams.
 template <class S> struct EmgMuscleCoefficients {
   DelayCoefficients<S> delay{};            ///< electromechanical
   ActivationCoefficients<S> activation{};  ///< lags and shape
@@ -55,7 +55,7 @@ EmgMuscleCoefficients<S> coefficients(const EmgMuscleParams<S>& params, std::siz
           coefficients(params.muscle)};
 }
 
-/// What follows from HillTorqueParams once.
+/// Coefficients computed once from HillTorqueParams.
 template <class S, std::size_t most> struct HillTorqueCoefficients {
   EmgMuscleCoefficients<S> muscle[most]{};  ///< in the order of every input
   std::size_t count = 0;                    ///< at most `most`
@@ -69,7 +69,7 @@ HillTorqueCoefficients<S, most> coefficients(const HillTorqueParams<S, most>& pa
   return c;
 }
 
-/// What a muscle remembers. Zeros but for `settled` are a beginning.
+/// State of a muscle. Zeros except for `settled` are a valid initial state.
 template <class S, std::size_t capacity> struct EmgMuscleState {
   DelayState<S, capacity> delay{};  ///< envelopes
   ActivationState<S> lags{};        ///< state of the activation
@@ -94,12 +94,12 @@ S step(const EmgMuscleCoefficients<S>& c, EmgMuscleState<S, capacity>& state, co
   return state.force;
 }
 
-/// What the estimator remembers.
+/// State of the estimator.
 template <class S, std::size_t most, std::size_t capacity> struct HillTorqueState {
   EmgMuscleState<S, capacity> muscle[most]{};  ///< in the order of every input
 };
 
-/// What the estimator is given with each sample.
+/// Inputs of the estimator with each sample.
 template <class S, std::size_t most> struct HillTorqueInput {
   S excitation[most]{};  ///< envelopes, relative to maximal effort [1]
   S length[most]{};      ///< musculotendon [m]

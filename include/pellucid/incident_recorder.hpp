@@ -24,7 +24,7 @@ struct IncidentMemory {
   std::size_t count = 0;           ///< how many there are
 };
 
-/// What a recorder is doing.
+/// Mode of a recorder.
 enum class IncidentPhase : std::uint8_t {
   recording,  ///< the ring goes round
   following,  ///< the supervisor has stopped; some records more
@@ -53,7 +53,7 @@ struct IncidentRing {
 /// The second and third copy of a recorder's own numbers, and what its watches remember.
 template <class S> struct IncidentState : IncidentRing {
   IncidentRing copy[2]{};        ///< copies of its own numbers
-  WatchedState<S> before{};      ///< what the next period's watches need of this one
+  WatchedState<S> before{};      ///< values that the checks of the next period need
 };
 /// A recorder's own numbers, whatever single bit was lost.
 template <class S> IncidentRing ring_of(const IncidentState<S>& r) noexcept {

@@ -28,7 +28,7 @@ constexpr std::uint32_t words_a_step = 12;
 
 /// How far a checksum has come.
 struct ChecksumState {
-  std::uint32_t sealed = 0;               ///< what it must be
+  std::uint32_t sealed = 0;               ///< expected value
   std::uint32_t sum = checksum_start;     ///< checksum of the words so far
   std::uint32_t next = 0;                 ///< the word that comes next
 };

@@ -11,7 +11,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// What identification finds of a joint.
+/// Identified parameters of a joint.
 template <class S> struct JointParams {
   S inertia{}, gravity_sine{}, gravity_cosine{}, offset{};
   FrictionParams<S> friction{};  ///< friction of joint and drive
@@ -26,14 +26,15 @@ template <class S> struct JointParams {
     weight(p, visit);
     visit(p.offset, {"offset", unit::effort, any_number(), "effort that is always there"});
     pellucid::walk(p.friction, visit);
-    visit(p.parallel_stiffness, {"parallel_stiffness", unit::stiffness, any_number(), "k, of a spring beside the drive"});
+    visit(p.parallel_stiffness, {"parallel_stiffness", unit::stiffness, any_number(),
+                                 "k, stiffness of a spring in parallel to the drive"});
   }
 };
 
 /// How many numbers a joint is.
 constexpr std::size_t parameter_count = field_count<JointParams<double>>;
 
-/// What follows from JointParams once.
+/// Coefficients computed once from JointParams.
 template <class S> struct JointCoefficients {
   S inertia{};                         ///< J [kg m^2]
   S inverse_inertia{};                 ///< 1 / J [1/(kg m^2)]

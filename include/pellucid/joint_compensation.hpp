@@ -13,7 +13,7 @@ namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct JointCompensationParams {
-  JointParams<S> body{};  ///< what was identified; its friction's velocity_width > 0
+  JointParams<S> body{};  ///< identified body; its friction's velocity_width > 0
   S gravity_share = S(1), friction_share = S(0.8), bandwidth = S(200);
   SafetyParams<S> gate{};  ///< its period is the controller's
 
@@ -26,9 +26,9 @@ template <class S> struct JointCompensationParams {
   }
 };
 
-/// What follows from JointCompensationParams once.
+/// Coefficients computed once from JointCompensationParams.
 template <class S> struct JointCompensationCoefficients {
-  JointCoefficients<S> body{};   ///< what is carried
+  JointCoefficients<S> body{};   ///< compensated body
   SafetyCoefficients<S> gate{};  ///< gate of the last step; shut if anything makes no sense
   S gravity_share{};             ///< s_G [1]
   S friction_share{};            ///< s_F [1]
@@ -51,7 +51,7 @@ JointCompensationCoefficients<S> coefficients(const JointCompensationParams<S>& 
   return c;
 }
 
-/// What a compensation remembers.
+/// State of a compensation.
 template <class S> struct JointCompensationState {
   S position{};                ///< filtered [rad]
   S velocity{};                ///< [rad/s]

@@ -32,15 +32,15 @@ template <class S> struct LinkParams {
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.parent, {"parent", unit::one, at_least(0), "link on which this one hangs, from 1; 0: the base"});
     visit(p.joint, {"joint", unit::one, between(0, 2), "0: welded, 1: turns about its axis, 2: slides along it"});
-    visit(p.x, {"x", unit::length, any_number(), "of the joint in the parent's frame"});
-    visit(p.y, {"y", unit::length, any_number(), "of the joint in the parent's frame"});
-    visit(p.z, {"z", unit::length, any_number(), "of the joint in the parent's frame"});
-    visit(p.roll, {"roll", unit::angle, any_number(), "of the joint's frame, about the parent's x, first"});
+    visit(p.x, {"x", unit::length, any_number(), "position of the joint in the parent's frame"});
+    visit(p.y, {"y", unit::length, any_number(), "position of the joint in the parent's frame"});
+    visit(p.z, {"z", unit::length, any_number(), "position of the joint in the parent's frame"});
+    visit(p.roll, {"roll", unit::angle, any_number(), "rotation of the joint's frame about the parent's x, first"});
     visit(p.pitch, {"pitch", unit::angle, any_number(), "about the parent's y, second"});
     visit(p.yaw, {"yaw", unit::angle, any_number(), "about the parent's z, third"});
-    visit(p.axis_x, {"axis_x", unit::one, any_number(), "of the axis in the joint's frame, of any length but 0"});
-    visit(p.axis_y, {"axis_y", unit::one, any_number(), "of the axis"});
-    visit(p.axis_z, {"axis_z", unit::one, any_number(), "of the axis"});
+    visit(p.axis_x, {"axis_x", unit::one, any_number(), "axis in the joint's frame, of any length but 0"});
+    visit(p.axis_y, {"axis_y", unit::one, any_number(), "y component of the axis"});
+    visit(p.axis_z, {"axis_z", unit::one, any_number(), "z component of the axis"});
     visit(p.rotor_inertia, {"rotor_inertia", unit::inertia, at_least(0), "J_r, of the rotor, at the joint"});
     pellucid::walk(p.body, visit);
   }
@@ -56,7 +56,7 @@ template <class S, std::size_t N> struct TreeParams {
   LinkParams<S> link[N]{};                                                   ///< each after the one on which it hangs
 };
 
-/// What follows from LinkParams once.
+/// Coefficients computed once from LinkParams.
 template <class S> struct LinkCoefficients {
   JointKind joint;                 ///< joint of the link on its parent
   bool on_base;                    ///< whether the parent is the base
@@ -70,7 +70,7 @@ template <class S> struct LinkCoefficients {
   S rotor_inertia;                 ///< J_r [kg m^2]
 };
 
-/// What follows from TreeParams once.
+/// Coefficients computed once from TreeParams.
 template <class S, std::size_t N> struct TreeCoefficients {
   static_assert(N >= 1 && N <= 255, "a link's number is one byte");
   std::size_t links = 0;        ///< how many
@@ -210,7 +210,7 @@ template <class S> LinkForce<S> operator*(const Placement<S>& at, const LinkForc
   const Vector3<S> force = at.rotation * f.force;
   return {force, at.rotation * f.moment + cross(at.position, force)};
 }
-/// What of it a joint feels along its coordinate.
+/// Its component along the coordinate of a joint.
 template <class S> S along(const LinkCoefficients<S>& link, const LinkForce<S>& f) noexcept {
   return dot(link.axis, link.joint == JointKind::prismatic ? f.force : f.moment);
 }

@@ -23,7 +23,7 @@ constexpr std::size_t register_bytes = 16;
 template <std::size_t bytes> constexpr std::size_t vector_bytes = bytes < register_bytes ? bytes : register_bytes;
 }  // namespace detail
 
-/// What comparing Lanes<T, W> gives: all bits set in the lanes where it holds.
+/// Result of a comparison of Lanes<T, W>: all bits set in the lanes where it is true.
 template <class T, std::size_t W> struct Mask;
 
 /// W numbers of type T (double or float; unsigned integers as their bit patterns).

@@ -17,7 +17,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// What may be measured of a robot and of who wears it.
+/// Quantities that may be measured on a robot and its wearer.
 enum class Quantity : std::uint8_t {
   position,     ///< angle of the joint's encoder
   torque,       ///< torque of the spring, or of the drive, on the joint
@@ -81,7 +81,7 @@ template <class L> struct Controller {
 
   typename L::Coefficients law{};           ///< as configured
   typename L::State state{};                ///< state of the law
-  SampleState seen[sensor_count<L>]{};      ///< what is remembered of its sensors
+  SampleState seen[sensor_count<L>]{};      ///< state of its sensors
   SafetyFault fault = SafetyFault::none;    ///< latched, the first
   std::uint32_t steps = 0;                  ///< since it was configured
 };
@@ -99,7 +99,7 @@ template <class L> void latch(Controller<L>& c, SafetyFault fault) noexcept {
   if (c.fault == SafetyFault::none) c.fault = fault;
 }
 
-/// What the law sees of all sensors at the time `now` [us]; a fault of one that it needs is latched.
+/// Inputs of the law from all sensors at the time `now` [us]; a fault of one that it needs is latched.
 template <class L, class S>
 Samples<S> believed(Controller<L>& c, const Samples<S>& read, std::int64_t now) noexcept {
   Samples<S> samples = read;
@@ -143,7 +143,7 @@ template <class L, class S> S step_now(Controller<L>& c, const Samples<S>& read,
   return step(c, stamped(c, read, now), now);
 }
 
-/// From the next step on the effort ramps to 0.
+/// Ramps the effort to 0 from the next step on.
 template <class L> void stop(Controller<L>& c) noexcept { latch(c, SafetyFault::stopped); }
 
 /// Opens the gate again; the effort goes on from where it is, within the rate limit.

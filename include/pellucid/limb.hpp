@@ -32,7 +32,7 @@ template <class S> struct LimbParams {
   }
 };
 
-/// What follows from LimbParams once.
+/// Coefficients computed once from LimbParams.
 template <class S> struct LimbCoefficients {
   S inverse_inertia{};        ///< 1 / J [1/(kg m^2)]
   S gravity{};                ///< m g l [N m]

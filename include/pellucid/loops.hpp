@@ -34,7 +34,7 @@ template <class S> struct LoopParams {
   S period{};                       ///< control period [s], > 0
 };
 
-/// What follows from LoopParams once.
+/// Coefficients computed once from LoopParams.
 template <class S> struct LoopCoefficients {
   LoopKind kind = LoopKind::none;    ///< the law
   S position_gain{};                 ///< gain of the position error in e: 1, k_p (cascade) or 0 [1 or 1/s]
@@ -68,7 +68,7 @@ template <class S> LoopCoefficients<S> coefficients(const LoopParams<S>& params)
   return c;
 }
 
-/// What a loop remembers.
+/// State of a loop.
 template <class S> struct LoopState {
   S integral{};                       ///< integral of e [unit of e times s]
   S positions[max_velocity_span]{};   ///< the last measured positions, a ring [rad]
@@ -77,7 +77,7 @@ template <class S> struct LoopState {
   bool started = false;               ///< false until the first sample, which fills both rings
 };
 
-/// What a loop is given each period.
+/// Inputs of a loop in each period.
 template <class S> struct LoopInput {
   S reference{};      ///< r [rad]; velocity_pi [rad/s]; none [u]
   S position{};       ///< q, as measured [rad]

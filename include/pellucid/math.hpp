@@ -19,13 +19,13 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// What a scalar type S is made of. Lanes and Dual specialise it.
+/// Traits of a scalar type S. Lanes and Dual specialise it.
 template <class S> struct ScalarTraits {
   static_assert(std::is_same<S, double>::value || std::is_same<S, float>::value,
                 "S must be double, float, Lanes or Dual");
   using Value = S;                                                                ///< the floating-point type inside
   using Real = S;                                                                 ///< S without its derivatives
-  using Mask = bool;                                                              ///< what a comparison gives
+  using Mask = bool;                                                              ///< result of a comparison
   using Bits = std::conditional_t<sizeof(S) == 8, std::uint64_t, std::uint32_t>;  ///< its bit pattern
   static constexpr bool is_real = true;                                           ///< false for Dual
 };

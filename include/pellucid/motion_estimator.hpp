@@ -16,14 +16,15 @@ template <class S> struct MotionEstimatorParams {
   std::uint32_t max_rejections = 20;
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.bandwidth, {"bandwidth", unit::velocity, above(0), "of the estimator's poles; times the period below 2"});
+    visit(p.bandwidth, {"bandwidth", unit::velocity, above(0),
+                        "bandwidth of the estimator's poles; times the period below 2"});
     visit(p.gate, {"innovation_gate", unit::coordinate, above(0).or_infinite(), "largest innovation that corrects"});
     visit(p.max_rejections, {"max_rejections", unit::one, at_least(0),
                              "samples in a row outside the gate before the estimator starts again"});
   }
 };
 
-/// What follows from MotionEstimatorParams and the period once.
+/// Coefficients computed once from MotionEstimatorParams and the period.
 template <class S> struct MotionEstimatorCoefficients {
   MotionEstimatorParams<S> params{};  ///< as they are
   S period{};                         ///< [s]

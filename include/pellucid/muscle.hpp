@@ -21,7 +21,8 @@ template <class S> struct MuscleParams {
     visit(p.optimal_fibre_length, {"optimal_fibre_length", unit::length, above(0),
                                    "l_o, where the fully active fibre is strongest"});
     visit(p.tendon_slack_length, {"tendon_slack_length", unit::length, at_least(0), "l_ts"});
-    visit(p.strength, {"strength", unit::one, at_least(0), "s, of this person beside the anatomical value"});
+    visit(p.strength, {"strength", unit::one, at_least(0),
+                       "s, strength of this person relative to the anatomical value"});
     visit(p.optimal_length_shift, {"optimal_length_shift", unit::one, any_number(),
                                    "lambda, how much longer l_o is at no activation"});
     visit(p.max_velocity, {"max_velocity", unit::rate, above(0), "v_max, of shortening without load, in l_o"});
@@ -37,7 +38,7 @@ template <class S> struct MuscleParams {
   }
 };
 
-/// What follows from MuscleParams once.
+/// Coefficients computed once from MuscleParams.
 template <class S> struct MuscleCoefficients {
   S force{};                  ///< s F_0 [N]
   S max_isometric_force{};    ///< F_0 [N]

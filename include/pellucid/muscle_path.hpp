@@ -20,7 +20,7 @@ template <class S> struct PathAxis {
   S sign{1};                ///< -1 where the angle given grows the other way
   S offset{};               ///< added to it [rad]
   S start{};                ///< where the grid begins [rad]
-  S step{1};                ///< from one knot to the next [rad], > 0
+  S step{1};                ///< distance of knots [rad], > 0
   std::uint32_t cells = 1;  ///< between knots, >= 1
 };
 
@@ -30,14 +30,14 @@ template <class S> struct MusclePathParams {
   const S* coefficient = nullptr;    ///< cells + 3 of each axis, the last axis fastest [m]; outlives what is made of it
 };
 
-/// What follows from a PathAxis once.
+/// Coefficients computed once from PathAxis.
 template <class S> struct PathAxisCoefficients {
   PathAxis<S> axis{};  ///< as it is
   S end{};             ///< where the grid ends [rad]
   S inverse_step{};    ///< [1/rad]
 };
 
-/// What follows from MusclePathParams once.
+/// Coefficients computed once from MusclePathParams.
 template <class S> struct MusclePathCoefficients {
   PathAxisCoefficients<S> axis[path_axes]{};  ///< the first `axes` of them
   std::uint32_t axes = 1;                     ///< 1 or 2

@@ -22,7 +22,7 @@ template <class S> struct ShortRangeParams {
   }
 };
 
-/// What follows from ShortRangeParams once.
+/// Coefficients computed once from ShortRangeParams.
 template <class S> struct ShortRangeCoefficients {
   S gamma{};      ///< [1]
   S toe_rate{};   ///< rate of the tendon's toe region, 3 / toe strain [1]

@@ -28,7 +28,7 @@ inline namespace PELLUCID_ABI {
 
 template <class S> struct OptimalReachingParams {
   static constexpr const char* model = "optimal";
-  LimbParams<S> limb{};  ///< what the person knows the arm to be
+  LimbParams<S> limb{};  ///< the person's internal model of the arm
   S resting_stiffness{}, stiffness_per_torque{}, damping_ratio{}, muscle_delay{}, activation_time{},
       flexion_max{}, extension_max{}, cocontraction{}, uncertainty{}, uncertainty_time{}, uncertainty_share{},
       noise_share{}, phasic_noise_share{}, noise_time{}, feedback_delay{}, position_noise{}, velocity_noise{},
@@ -36,33 +36,35 @@ template <class S> struct OptimalReachingParams {
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     pellucid::walk(p.limb, visit);
-    visit(p.resting_stiffness, {"resting_stiffness", unit::stiffness, at_least(0), "of muscles at rest"});
+    visit(p.resting_stiffness, {"resting_stiffness", unit::stiffness, at_least(0), "stiffness of muscles at rest"});
     visit(p.stiffness_per_torque, {"stiffness_per_torque", unit::wave_number, above(0),
                               "stiffness over the torques of both muscle groups"});
-    visit(p.damping_ratio, {"damping_ratio", unit::one, at_least(0), "of the arm on that stiffness"});
-    visit(p.muscle_delay, {"muscle_delay", unit::time, at_least(0), "from excitation to the first force"});
+    visit(p.damping_ratio, {"damping_ratio", unit::one, at_least(0), "damping ratio of the arm with that stiffness"});
+    visit(p.muscle_delay, {"muscle_delay", unit::time, at_least(0), "delay from excitation to the first force"});
     visit(p.activation_time, {"activation_time", unit::time, above(0), "lag of the force behind that"});
     visit(p.flexion_max, {"flexion_max", unit::effort, above(0), "strongest torque of the flexors"});
-    visit(p.extension_max, {"extension_max", unit::effort, above(0), "of the extensors"});
+    visit(p.extension_max, {"extension_max", unit::effort, above(0), "largest torque of the extensors"});
     visit(p.cocontraction, {"cocontraction", unit::one, at_least(0),
                             "excitation of both groups while nothing comes unexpected"});
     visit(p.uncertainty, {"uncertainty", unit::effort, above(0),
                           "standard deviation of unexpected torque that a person always reckons with"});
-    visit(p.uncertainty_time, {"uncertainty_time", unit::time, above(0), "over which unexpected torque changes"});
+    visit(p.uncertainty_time, {"uncertainty_time", unit::time, above(0), "time over which unexpected torque changes"});
     visit(p.uncertainty_share, {"uncertainty_share", unit::one, share(),
-                                "of its variance, taken over from a movement into the next"});
+                                "share of its variance that is carried over into the next movement"});
     visit(p.noise_share, {"noise_share", unit::one, at_least(0),
                           "standard deviation of a muscle's torque over the torque"});
     visit(p.phasic_noise_share, {"phasic_noise_share", unit::one, at_least(0), "and of what accelerates, over that"});
-    visit(p.noise_time, {"noise_time", unit::time, above(0), "over which noise changes, of muscles and of senses"});
-    visit(p.feedback_delay, {"feedback_delay", unit::time, at_least(0), "from where the arm is to an excitation"});
+    visit(p.noise_time, {"noise_time", unit::time, above(0), "time over which noise of muscles and senses changes"});
+    visit(p.feedback_delay, {"feedback_delay", unit::time, at_least(0),
+                             "delay from the arm's position to an excitation"});
     visit(p.position_noise, {"position_noise", unit::coordinate, above(0), "standard deviation of the felt position"});
     visit(p.velocity_noise, {"velocity_noise", unit::velocity, above(0), "and of the felt velocity"});
-    visit(p.velocity_weight, {"velocity_weight", unit::one, at_least(0), "w, cost of speed beside error"});
+    visit(p.velocity_weight, {"velocity_weight", unit::one, at_least(0), "w, cost of speed relative to error"});
     visit(p.correction_time, {"correction_time", unit::time, above(0),
                               "duration of what corrects a held arm, if the movement was longer"});
     visit(p.tolerance, {"tolerance", unit::coordinate, at_least(0), "error that is left as it is"});
-    visit(p.sign_width, {"sign_width", unit::velocity, above(0), "over which expected friction changes its sign"});
+    visit(p.sign_width, {"sign_width", unit::velocity, above(0),
+                         "velocity over which expected friction changes its sign"});
     visit(p.period, {"period", unit::time, above(0), "between two steps"});
   }
 };
@@ -124,10 +126,10 @@ template <class S> S movement_width(const ReachingGains<S>& gains, const S& step
   return width;
 }
 
-/// What follows from OptimalReachingParams once.
+/// Coefficients computed once from OptimalReachingParams.
 template <class S> struct OptimalReachingCoefficients {
   OptimalReachingParams<S> params{};  ///< as they are
-  LimbCoefficients<S> limb{};         ///< what the person knows the arm to be
+  LimbCoefficients<S> limb{};         ///< the person's internal model of the arm
   std::uint32_t muscle_delay = 0;     ///< periods
   std::uint32_t feedback_delay = 0;   ///< periods from where the arm is to an excitation
   std::uint32_t loop_delay = 0;       ///< periods, of both
@@ -194,7 +196,7 @@ template <class S> struct OptimalReachingState {
   S target{};                                ///< [rad]
   S resting{};                               ///< 1 where the arm rests inside the target, else 0
   S rest{};                                  ///< where [rad]
-  ExpectedLoad<S> load{};                    ///< what is expected of what is strapped on
+  ExpectedLoad<S> load{};                    ///< expected load
   ReachingPolicy<S> policy{};                ///< policy of this movement
   S variance{};                              ///< variance of unexpected torque that the policy reckons with [N^2 m^2]
   S surprise{};                              ///< integral of the square of what came unexpected [N^2 m^2 s]
@@ -215,7 +217,7 @@ template <class S> struct OptimalReachingState {
   S noise[2]{};                              ///< noise of flexors and extensors [1]
 };
 
-/// What is needed to hold the arm, to keep it at its velocity, and to carry what is expected of a load [N m].
+/// Torque to hold the arm, to keep its velocity, and to carry the expected load [N m].
 template <class S> S needed_torque(const OptimalReachingCoefficients<S>& c, const ExpectedLoad<S>& load,
                                    const S& position, const S& velocity) noexcept {
   return expected_torque(c, load, PlannedMotion<S>{position, velocity, S(0)});

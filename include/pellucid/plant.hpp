@@ -23,19 +23,19 @@ enum class Friction : std::uint8_t {
 
 template <class S> struct PlantParams {
   JointParams<S> joint{};            ///< the mechanism
-  DriveParams<S> drive{};            ///< from command to effort
+  DriveParams<S> drive{};            ///< dynamics from command to effort
   LoopParams<S> loop{};              ///< the controller, and the control period
-  EncoderParams<S> encoder{};        ///< what the controller sees
+  EncoderParams<S> encoder{};        ///< the controller's encoder
   std::uint32_t substeps = 4;        ///< integration steps per control period, >= 1
   PreslidingParams<S> presliding{};  ///< presliding of the joint's friction; a travel of 0: it slips at once
 };
 
-/// What follows from PlantParams once.
+/// Coefficients computed once from PlantParams.
 template <class S> struct PlantCoefficients {
   JointCoefficients<S> joint{};            ///< the mechanism
-  DriveCoefficients<S> drive{};            ///< from command to effort
+  DriveCoefficients<S> drive{};            ///< dynamics from command to effort
   LoopCoefficients<S> loop{};              ///< the controller
-  EncoderCoefficients<S> encoder{};        ///< what the controller sees
+  EncoderCoefficients<S> encoder{};        ///< the controller's encoder
   S substep{};                             ///< h [s]
   std::uint32_t substeps = 4;              ///< per control period
   PreslidingCoefficients<S> presliding{};  ///< presliding of the joint's friction
@@ -56,11 +56,11 @@ template <class S> PlantCoefficients<S> coefficients(const PlantParams<S>& param
 template <class S> struct PlantState {
   S position{};                     ///< q [rad]
   S velocity{};                     ///< v [rad/s]
-  LoopState<S> loop{};              ///< what the controller remembers
-  PreslidingState<S> presliding{};  ///< what the contacts remember
+  LoopState<S> loop{};              ///< state of the controller
+  PreslidingState<S> presliding{};  ///< state of the contacts
 };
 
-/// What a plant is given each period.
+/// Inputs of a plant in each period.
 template <class S> struct PlantInput {
   S reference{};      ///< reference of the loop [rad]; velocity_pi [rad/s]; none: the command [u]
   S injected{};       ///< added to the command after the limit [u]
@@ -68,14 +68,14 @@ template <class S> struct PlantInput {
   S encoder_noise{};  ///< added to the measured position [rad]
 };
 
-/// What held at the start of the period.
+/// Values at the start of the period.
 template <class S> struct PlantOutput {
   S position{};           ///< q [rad]
   S velocity{};           ///< v [rad/s]
   S acceleration{};       ///< a [rad/s^2]
   S command{};            ///< u, limited, with what was injected [u]
   S effort{};             ///< k u - k_e v, without ripple and disturbance: what a current sensor sees [N m]
-  S measured_position{};  ///< what the encoder said [rad]
+  S measured_position{};  ///< reading of the encoder [rad]
 };
 
 /// Acceleration at (q, v) [rad/s^2]; `rests` becomes true where stiction holds the joint, at v = 0, under this effort.

@@ -28,7 +28,7 @@ template <class S> struct PositionPredictionParams {
   }
 };
 
-/// What follows from PositionPredictionParams once.
+/// Coefficients computed once from PositionPredictionParams.
 template <class S> struct PositionPredictionCoefficients {
   PositionPredictionParams<S> params{};  ///< as they are
   EncoderSpeedCoefficients<S> speed{};   ///< estimate of the velocity from the encoder

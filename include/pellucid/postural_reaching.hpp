@@ -36,7 +36,7 @@ constexpr std::size_t postural_submovements = 3;
 
 template <class S> struct PosturalParams {
   static constexpr const char* model = "postural";
-  LimbParams<S> limb{};  ///< what the person knows the arm to be
+  LimbParams<S> limb{};  ///< the person's internal model of the arm
   S posture_stiffness{}, movement_stiffness{}, posture_damping_ratio{}, movement_damping_ratio{}, movement_speed{},
       stiffness_per_torque{}, reflex_stiffness{}, reflex_damping{}, reflex_delay{}, muscle_delay{}, activation_time{},
       flexion_max{}, extension_max{}, cocontraction{}, cocontraction_most{}, cocontraction_rise{}, cocontraction_decay{},
@@ -50,13 +50,14 @@ template <class S> struct PosturalParams {
     visit(p.movement_stiffness, {"movement_stiffness", unit::stiffness, above(0), "K_m, of muscles that move"});
     visit(p.posture_damping_ratio, {"posture_damping_ratio", unit::one, at_least(0), "z_p, of the arm that holds"});
     visit(p.movement_damping_ratio, {"movement_damping_ratio", unit::one, at_least(0), "z_m, of the arm that moves"});
-    visit(p.movement_speed, {"movement_speed", unit::velocity, above(0), "v_m, planned, from which on it wholly moves"});
+    visit(p.movement_speed, {"movement_speed", unit::velocity, above(0),
+                             "v_m, planned, from which on it wholly moves"});
     visit(p.stiffness_per_torque, {"stiffness_per_torque", unit::wave_number, at_least(0),
                                    "kappa, stiffness over torque of both groups that co-contract"});
-    visit(p.reflex_stiffness, {"reflex_stiffness", unit::stiffness, at_least(0), "of the stretch reflex"});
-    visit(p.reflex_damping, {"reflex_damping", unit::viscous, at_least(0), "of the stretch reflex"});
-    visit(p.reflex_delay, {"reflex_delay", unit::time, at_least(0), "from stretch to excitation"});
-    visit(p.muscle_delay, {"muscle_delay", unit::time, at_least(0), "from excitation to the first force"});
+    visit(p.reflex_stiffness, {"reflex_stiffness", unit::stiffness, at_least(0), "stiffness of the stretch reflex"});
+    visit(p.reflex_damping, {"reflex_damping", unit::viscous, at_least(0), "damping of the stretch reflex"});
+    visit(p.reflex_delay, {"reflex_delay", unit::time, at_least(0), "delay from stretch to excitation"});
+    visit(p.muscle_delay, {"muscle_delay", unit::time, at_least(0), "delay from excitation to the first force"});
     visit(p.activation_time, {"activation_time", unit::time, above(0), "lag of the force behind that"});
     visit(p.flexion_max, {"flexion_max", unit::effort, above(0), "F_f, strongest torque of the flexors, rested"});
     visit(p.extension_max, {"extension_max", unit::effort, above(0), "F_e, of the extensors"});
@@ -64,35 +65,38 @@ template <class S> struct PosturalParams {
     visit(p.cocontraction_most, {"cocontraction_most", unit::one, share(), "c_1, that errors can raise it to"});
     visit(p.cocontraction_rise, {"cocontraction_rise", unit::wave_number, at_least(0), "r, of an error"});
     visit(p.cocontraction_decay, {"cocontraction_decay", unit::one, share(), "d, from movement to movement"});
-    visit(p.late_time, {"late_time", unit::time, above(0), "over which errors count as late"});
+    visit(p.late_time, {"late_time", unit::time, above(0), "time over which errors count as late"});
     visit(p.noise_share, {"noise_share", unit::one, at_least(0),
                           "standard deviation of a muscle's torque over the torque"});
-    visit(p.noise_time, {"noise_time", unit::time, above(0), "over which that noise changes, and the eye's"});
-    visit(p.visual_delay, {"visual_delay", unit::time, at_least(0), "from where the arm is to a correction"});
+    visit(p.noise_time, {"noise_time", unit::time, above(0), "time over which this noise and that of the eye change"});
+    visit(p.visual_delay, {"visual_delay", unit::time, at_least(0), "delay from the arm's position to a correction"});
     visit(p.visual_noise, {"visual_noise", unit::coordinate, at_least(0), "standard deviation of where it is seen"});
     visit(p.tolerance, {"tolerance", unit::coordinate, at_least(0), "error that is left as it is"});
     visit(p.check_share, {"check_share", unit::one, at_least(0),
-                          "when the first correction is decided, of the primary movement's duration"});
+                          "time of the first correction, as a share of the primary movement's duration"});
     visit(p.correction_share, {"correction_share", unit::one, at_least(0),
                                "a correction's duration, of the primary movement's"});
     visit(p.correction_least, {"correction_least", unit::time, above(0), "a correction's least duration"});
-    visit(p.correction_gain, {"correction_gain", unit::one, share(), "of an error, that is corrected at once"});
+    visit(p.correction_gain, {"correction_gain", unit::one, share(), "share of an error that is corrected at once"});
     visit(p.correction_discount, {"correction_discount", unit::one, between(0.01, 1),
-                                  "that a correction which did not help leaves of the next"});
-    visit(p.refractory_time, {"refractory_time", unit::time, at_least(0), "after a look or a correction, without another"});
-    visit(p.patience, {"patience", unit::time, at_least(0), "after the primary movement, until it is given up"});
-    visit(p.failures_most, {"failures_most", unit::one, at_least(0), "corrections that failed, at which it is given up"});
+                                  "share of the next correction that remains after one that did not help"});
+    visit(p.refractory_time, {"refractory_time", unit::time, at_least(0),
+                              "time after a look or a correction without another"});
+    visit(p.patience, {"patience", unit::time, at_least(0), "time after the primary movement until it is given up"});
+    visit(p.failures_most, {"failures_most", unit::one, at_least(0),
+                            "corrections that failed, at which it is given up"});
     visit(p.fatigue_rate, {"fatigue_rate", unit::rate, at_least(0), "strength lost, of the excitation"});
-    visit(p.recovery_rate, {"recovery_rate", unit::rate, at_least(0), "of the strength lost"});
-    visit(p.sign_width, {"sign_width", unit::velocity, above(0), "over which expected friction changes its sign"});
+    visit(p.recovery_rate, {"recovery_rate", unit::rate, at_least(0), "recovery rate of the strength lost"});
+    visit(p.sign_width, {"sign_width", unit::velocity, above(0),
+                         "velocity over which expected friction changes its sign"});
     visit(p.period, {"period", unit::time, above(0), "between two steps"});
   }
 };
 
-/// What follows from PosturalParams once.
+/// Coefficients computed once from PosturalParams.
 template <class S> struct PosturalCoefficients {
   PosturalParams<S> params{};  ///< as they are
-  LimbCoefficients<S> limb{};  ///< what the person knows the arm to be
+  LimbCoefficients<S> limb{};  ///< the person's internal model of the arm
   S reflex_delay{};            ///< periods, whole
   S muscle_delay{};            ///< periods, whole
   S visual_delay{};            ///< periods, whole
@@ -119,7 +123,7 @@ template <class S> S whole_periods(const S& delay, const S& period) noexcept {
   return select(periods > S(0), min(periods, S(static_cast<value_t<S>>(max_reaching_delay - 1))), S(0));
 }
 
-/// What a ring held so many periods ago, lane by lane.
+/// Value of a ring buffer a number of periods ago, lane by lane.
 template <class S>
 S recalled(const S (&ring)[max_reaching_delay], std::uint32_t now, const S& periods) noexcept {
   if constexpr (std::is_same<mask_t<S>, bool>::value) {
@@ -164,7 +168,7 @@ template <class S> struct PosturalState {
   S primary_end{};                                       ///< [s]
   S plan_end{};                                          ///< when the plan is at rest [s]
   S next_check{};                                        ///< from when on a correction may be decided [s]
-  ExpectedLoad<S> load{};                                ///< what is expected of what is strapped on
+  ExpectedLoad<S> load{};                                ///< expected load
   MinimumJerk<S> submovements[postural_submovements]{};  ///< submovements of the plan, the newest last
   PlannedMotion<S> ahead{};                              ///< the plan when what is told now arrives
   S expected{};                                          ///< torque that the plan needs then [N m]

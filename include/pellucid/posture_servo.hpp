@@ -25,7 +25,7 @@ template <class S> struct PostureServoParams {
   }
 };
 
-/// What a servo remembers: errors of the last periods.
+/// State of a servo: errors of the last periods.
 template <class S> struct PostureServoState {
   S error[reflex_periods]{};  ///< e, a ring [rad]
   S rate[reflex_periods]{};   ///< de/dt [rad/s]

@@ -43,7 +43,7 @@ template <class S> struct PreslidingParams {
 /// Travels below count as 0 [rad].
 constexpr double smallest_travel = 1e-9;
 
-/// What follows from PreslidingParams once.
+/// Coefficients computed once from PreslidingParams.
 template <class S> struct PreslidingCoefficients {
   S elements_per_travel{};  ///< N / travel [1/rad], 0 where it slips at once
   mask_t<S> gives{};        ///< whether it gives before it slips

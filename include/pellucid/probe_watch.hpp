@@ -86,9 +86,10 @@ template <class S> struct ProbeWatchParams {
   S answer[2 * probe_wave_count]{};  ///< r of each wave at commissioning, real part and imaginary part
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.effort, {"probe_effort", unit::effort, at_least(0), "amplitude of each of the probe's three waves; 0: no probe"});
+    visit(p.effort, {"probe_effort", unit::effort, at_least(0),
+                     "amplitude of each of the probe's three waves; 0: no probe"});
     visit(p.samples, {"probe_samples", unit::one, between(40, 4000), "periods of a window, an even number"});
-    visit(p.inertia, {"probe_inertia", unit::inertia, at_least(0), "of the robot that answers the probe"});
+    visit(p.inertia, {"probe_inertia", unit::inertia, at_least(0), "inertia of the robot that responds to the probe"});
     visit(p.noise, {"probe_noise", unit::coordinate, at_least(0), "standard deviation of one encoder reading"});
     visit(p.moving, {"probe_moving", unit::velocity, above(0), "slower, friction may swallow the probe's answer"});
     visit(p.evidence, {"probe_evidence", unit::one, above(0),
@@ -96,20 +97,23 @@ template <class S> struct ProbeWatchParams {
     visit(p.travel, {"probe_travel", unit::coordinate, above(0).or_infinite(),
                      "way that the joint may go while its drive is not heard; infinite: any"});
     visit(p.energy, {"probe_energy", unit::energy, above(0).or_infinite(),
-                     "that a drive with three times the gain may add while it is not heard; infinite: any"});
+                     "energy that a drive with three times the gain may add before detection; infinite: any"});
     visit(p.answer_error, {"probe_answer_error", unit::one, at_least(0),
                            "mean square by which a robot may answer otherwise than at its commissioning, relative to that "
                            "answer; 0: it was not commissioned"});
-    visit(p.answer[0], {"probe_answer_low_real", unit::one, any_number(), "answer to the lowest wave at commissioning"});
+    visit(p.answer[0], {"probe_answer_low_real", unit::one, any_number(),
+                        "answer to the lowest wave at commissioning"});
     visit(p.answer[1], {"probe_answer_low_imaginary", unit::one, any_number(), "its imaginary part"});
-    visit(p.answer[2], {"probe_answer_middle_real", unit::one, any_number(), "answer to the middle wave at commissioning"});
+    visit(p.answer[2], {"probe_answer_middle_real", unit::one, any_number(),
+                        "answer to the middle wave at commissioning"});
     visit(p.answer[3], {"probe_answer_middle_imaginary", unit::one, any_number(), "its imaginary part"});
-    visit(p.answer[4], {"probe_answer_high_real", unit::one, any_number(), "answer to the highest wave at commissioning"});
+    visit(p.answer[4], {"probe_answer_high_real", unit::one, any_number(),
+                        "answer to the highest wave at commissioning"});
     visit(p.answer[5], {"probe_answer_high_imaginary", unit::one, any_number(), "its imaginary part"});
   }
 };
 
-/// What follows from ProbeWatchParams and the period once.
+/// Coefficients computed once from ProbeWatchParams and the period.
 template <class S> struct ProbeWatchCoefficients {
   ProbeWatchParams<S> params{};                ///< as they are
   SinCos<S> turn[probe_bin_count + 1]{};       ///< change of the phases in a period

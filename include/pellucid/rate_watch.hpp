@@ -16,12 +16,13 @@ template <class S> struct RateWatchParams {
   S tolerance = S(0.2);
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.samples, {"rate_samples", unit::one, at_least(0), "periods over which the mean interval is judged; 0: it is not"});
-    visit(p.tolerance, {"rate_tolerance", unit::one, share(), "by which the mean interval may differ from the period, relative to it"});
+    visit(p.samples, {"rate_samples", unit::one, at_least(0), "number of periods of the mean interval; 0: no check"});
+    visit(p.tolerance, {"rate_tolerance", unit::one, share(),
+                        "largest relative difference of the mean interval from the period"});
   }
 };
 
-/// What follows from RateWatchParams and the period once.
+/// Coefficients computed once from RateWatchParams and the period.
 template <class S> struct RateWatchCoefficients {
   std::uint32_t samples = 0;  ///< as they are
   std::uint32_t least = 0;    ///< shortest time that they may take [us]

@@ -26,44 +26,45 @@ template <class S> struct ExpectedLoad {
 
 template <class S> struct ReachingParams {
   static constexpr const char* model = "reaching";
-  LimbParams<S> limb{};  ///< what the person knows the arm to be
+  LimbParams<S> limb{};  ///< the person's internal model of the arm
   S stiffness{}, damping{}, reflex_stiffness{}, reflex_damping{}, reflex_delay{}, muscle_delay{}, activation_time{},
       flexion_max{}, extension_max{}, cocontraction{}, noise_share{}, noise_time{}, visual_delay{}, tolerance{},
       check_share{}, correction_share{}, correction_least{}, sign_width{}, period{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     pellucid::walk(p.limb, visit);
-    visit(p.stiffness, {"stiffness", unit::stiffness, at_least(0), "of the muscles themselves"});
-    visit(p.damping, {"damping", unit::viscous, at_least(0), "of the muscles themselves"});
-    visit(p.reflex_stiffness, {"reflex_stiffness", unit::stiffness, at_least(0), "of the stretch reflex"});
-    visit(p.reflex_damping, {"reflex_damping", unit::viscous, at_least(0), "of the stretch reflex"});
-    visit(p.reflex_delay, {"reflex_delay", unit::time, at_least(0), "from stretch to excitation"});
-    visit(p.muscle_delay, {"muscle_delay", unit::time, at_least(0), "from excitation to the first force"});
+    visit(p.stiffness, {"stiffness", unit::stiffness, at_least(0), "stiffness of the muscles"});
+    visit(p.damping, {"damping", unit::viscous, at_least(0), "damping of the muscles"});
+    visit(p.reflex_stiffness, {"reflex_stiffness", unit::stiffness, at_least(0), "stiffness of the stretch reflex"});
+    visit(p.reflex_damping, {"reflex_damping", unit::viscous, at_least(0), "damping of the stretch reflex"});
+    visit(p.reflex_delay, {"reflex_delay", unit::time, at_least(0), "delay from stretch to excitation"});
+    visit(p.muscle_delay, {"muscle_delay", unit::time, at_least(0), "delay from excitation to the first force"});
     visit(p.activation_time, {"activation_time", unit::time, above(0), "lag of the force behind that"});
     visit(p.flexion_max, {"flexion_max", unit::effort, above(0), "strongest torque of the flexors"});
-    visit(p.extension_max, {"extension_max", unit::effort, above(0), "of the extensors"});
+    visit(p.extension_max, {"extension_max", unit::effort, above(0), "largest torque of the extensors"});
     visit(p.cocontraction, {"cocontraction", unit::one, at_least(0), "excitation that both always have"});
     visit(p.noise_share, {"noise_share", unit::one, at_least(0),
                           "standard deviation of a muscle's torque over the torque"});
-    visit(p.noise_time, {"noise_time", unit::time, above(0), "over which that noise changes"});
-    visit(p.visual_delay, {"visual_delay", unit::time, at_least(0), "from where the arm is to a correction"});
+    visit(p.noise_time, {"noise_time", unit::time, above(0), "time over which that noise changes"});
+    visit(p.visual_delay, {"visual_delay", unit::time, at_least(0), "delay from the arm's position to a correction"});
     visit(p.tolerance, {"tolerance", unit::coordinate, at_least(0), "error that is left as it is"});
     visit(p.check_share, {"check_share", unit::one, at_least(0),
-                          "when the first correction is decided, of the primary movement's duration"});
+                          "time of the first correction, as a share of the primary movement's duration"});
     visit(p.correction_share, {"correction_share", unit::one, at_least(0),
                                "a correction's duration, of the primary movement's"});
     visit(p.correction_least, {"correction_least", unit::time, at_least(0), "a correction's least duration"});
-    visit(p.sign_width, {"sign_width", unit::velocity, above(0), "over which expected friction changes its sign"});
+    visit(p.sign_width, {"sign_width", unit::velocity, above(0),
+                         "velocity over which expected friction changes its sign"});
     visit(p.period, {"period", unit::time, above(0), "between two steps"});
   }
 };
 
 constexpr std::size_t reaching_parameter_count = field_count<ReachingParams<double>>;
 
-/// What follows from ReachingParams once.
+/// Coefficients computed once from ReachingParams.
 template <class S> struct ReachingCoefficients {
   ReachingParams<S> params{};      ///< as they are
-  LimbCoefficients<S> limb{};      ///< what the person knows the arm to be
+  LimbCoefficients<S> limb{};      ///< the person's internal model of the arm
   std::uint32_t reflex_delay = 0;  ///< periods
   std::uint32_t muscle_delay = 0;  ///< periods
   std::uint32_t visual_delay = 0;  ///< periods
@@ -95,13 +96,13 @@ template <class S> ReachingCoefficients<S> coefficients(const ReachingParams<S>&
   return c;
 }
 
-/// What is decided before a movement.
+/// Decisions before a movement.
 template <class S> struct ReachingTask {
   S target{};              ///< [rad]
   S amplitude{};           ///< amplitude of the primary movement [rad]
   S duration{};            ///< duration of the primary movement [s], > 0
-  S reaction{};            ///< from now to its start [s]
-  ExpectedLoad<S> load{};  ///< what is strapped on, as far as it is known
+  S reaction{};            ///< time to its start [s]
+  ExpectedLoad<S> load{};  ///< known load
 };
 
 template <class S> struct ReachingState {
@@ -110,7 +111,7 @@ template <class S> struct ReachingState {
   S target{};                                      ///< [rad]
   S primary_duration{};                            ///< [s]
   S next_check{};                                  ///< when a correction is next decided [s]
-  ExpectedLoad<S> load{};                          ///< what is expected of what is strapped on
+  ExpectedLoad<S> load{};                          ///< expected load
   MinimumJerk<S> submovements[max_submovements]{};  ///< submovements of the plan
   std::uint32_t count = 0;                         ///< number of submovements
   S expected{};                                    ///< torque that the plan needed last [N m]
@@ -122,7 +123,7 @@ template <class S> struct ReachingState {
   S noise[2]{};                                    ///< noise of flexors and extensors [1]
 };
 
-/// What the muscles do in a period.
+/// Torques of the muscles in a period.
 template <class S> struct ReachingOutput {
   S torque{};    ///< torque of the muscles on the arm [N m]
   S flexor{};    ///< excitation, 0 to 1

@@ -17,7 +17,7 @@ inline namespace PELLUCID_ABI {
 /// How many gains a swing is divided into.
 constexpr std::size_t swing_phases = 8;
 
-/// What was identified: two bodies and the strap between them.
+/// Identified model: two bodies and the strap between them.
 template <class S> struct CoupledBodies {
   S orthosis_inertia{}, orthosis_viscous{}, orthosis_gravity{}, coulomb{}, friction_width = S(0.05), limb_inertia{},
     limb_viscous{}, limb_gravity{}, strap_stiffness{}, strap_damping{}, slack{};
@@ -52,11 +52,11 @@ template <class S> struct ActuatorResidual {
 };
 
 template <class S> struct ResidualParams {
-  CoupledBodies<S> bodies{};  ///< what was identified
+  CoupledBodies<S> bodies{};  ///< identified bodies
   S correction[5]{};          ///< change of q_e, v_e, D, dD and d per angle that the encoder is off
   S innovation_limit = S(0.05), gravity_share = S(0.8), viscous_share = S(0.8), friction_share = S(0.5),
     assist_width = S(0.6), inertia_share = S(0.7);
-  ActuatorResidual<S> actuator{};  ///< what the torque loop lets through
+  ActuatorResidual<S> actuator{};  ///< residual of the torque loop
   S torque_gain{}, proportional{}, integral{}, derivative{}, integral_limit = S(1), preview{}, emg_limit = S(40),
     trust_time = S(0.3), swing_angle{}, swing_rate = S(4.4);
   S phase_gain[swing_phases] = {S(1), S(1), S(1), S(1), S(1), S(1), S(1), S(1)};
@@ -65,30 +65,33 @@ template <class S> struct ResidualParams {
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     constexpr const char* phases[swing_phases] = {"_0", "_1", "_2", "_3", "_4", "_5", "_6", "_7"};
     pellucid::walk(p.bodies, visit);
-    visit(p.correction[0], {"correct_position", unit::one, any_number(), "of q_e, per angle that the encoder is off"});
-    visit(p.correction[1], {"correct_velocity", unit::rate, any_number(), "of v_e"});
-    visit(p.correction[2], {"correct_mismatch", unit::one, any_number(), "of D"});
-    visit(p.correction[3], {"correct_mismatch_rate", unit::rate, any_number(), "of dD"});
-    visit(p.correction[4], {"correct_disturbance", unit::stiffness, any_number(), "of d"});
+    visit(p.correction[0], {"correct_position", unit::one, any_number(),
+                            "correction of q_e, per angle error of the encoder"});
+    visit(p.correction[1], {"correct_velocity", unit::rate, any_number(), "correction of v_e"});
+    visit(p.correction[2], {"correct_mismatch", unit::one, any_number(), "correction of D"});
+    visit(p.correction[3], {"correct_mismatch_rate", unit::rate, any_number(), "correction of dD"});
+    visit(p.correction[4], {"correct_disturbance", unit::stiffness, any_number(), "correction of d"});
     visit(p.innovation_limit, {"innovation_limit", unit::coordinate, above(0),
-                               "of the angle that corrects in one period"});
-    visit(p.gravity_share, {"gravity_share", unit::one, any_number(), "of the orthosis's gravity that is carried"});
-    visit(p.viscous_share, {"viscous_share", unit::one, any_number(), "of its viscous friction"});
-    visit(p.friction_share, {"friction_share", unit::one, any_number(), "of its Coulomb friction"});
+                               "largest correction of the angle in one period"});
+    visit(p.gravity_share, {"gravity_share", unit::one, any_number(), "compensated share of the orthosis's gravity"});
+    visit(p.viscous_share, {"viscous_share", unit::one, any_number(), "compensated share of its viscous friction"});
+    visit(p.friction_share, {"friction_share", unit::one, any_number(), "compensated share of its Coulomb friction"});
     visit(p.assist_width, {"assist_width", unit::velocity, above(0).or_infinite(),
-                           "over which carried friction changes its sign"});
-    visit(p.inertia_share, {"inertia_share", unit::one, any_number(), "of its inertia times the limb's acceleration"});
+                           "velocity over which compensated friction changes its sign"});
+    visit(p.inertia_share, {"inertia_share", unit::one, any_number(),
+                            "compensated share of its inertia times the limb's acceleration"});
     pellucid::walk(p.actuator, visit);
-    visit(p.torque_gain, {"torque_gain", unit::one, any_number(), "on how far the spring is from the torque wanted"});
-    visit(p.proportional, {"proportional", unit::one, any_number(), "on the estimated strap torque"});
-    visit(p.integral, {"integral", unit::rate, any_number(), "on its integral"});
-    visit(p.derivative, {"derivative", unit::time, any_number(), "on its rate"});
-    visit(p.integral_limit, {"integral_limit", unit::effort, at_least(0), "of the integral's torque"});
+    visit(p.torque_gain, {"torque_gain", unit::one, any_number(),
+                          "gain on the difference of the spring's torque from the command"});
+    visit(p.proportional, {"proportional", unit::one, any_number(), "gain on the estimated strap torque"});
+    visit(p.integral, {"integral", unit::rate, any_number(), "gain on its integral"});
+    visit(p.derivative, {"derivative", unit::time, any_number(), "gain on its rate"});
+    visit(p.integral_limit, {"integral_limit", unit::effort, at_least(0), "limit of the integral's torque"});
     visit(p.preview, {"preview", unit::time, at_least(0),
-                      "how far ahead the motion is predicted: the delay of what follows"});
-    visit(p.emg_limit, {"emg_limit", unit::effort, above(0), "of |EMG torque|"});
-    visit(p.trust_time, {"trust_time", unit::time, above(0).or_infinite(), "over which EMG is faded in and out"});
-    visit(p.swing_angle, {"swing_angle", unit::coordinate, any_number(), "where the middle of a swing is"});
+                      "prediction time of the motion, equal to the delay of the following loop"});
+    visit(p.emg_limit, {"emg_limit", unit::effort, above(0), "limit of |EMG torque|"});
+    visit(p.trust_time, {"trust_time", unit::time, above(0).or_infinite(), "time over which EMG is faded in and out"});
+    visit(p.swing_angle, {"swing_angle", unit::coordinate, any_number(), "angle in the middle of a swing"});
     visit(p.swing_rate, {"swing_rate", unit::velocity, above(0), "angular frequency of a swing"});
     for (std::size_t i = 0; i < swing_phases; ++i)
       visit(p.phase_gain[i], {"phase_gain", unit::one, any_number(), "of the whole torque at this phase of a swing", {}, "",
@@ -97,7 +100,7 @@ template <class S> struct ResidualParams {
   }
 };
 
-/// What follows from ResidualParams once.
+/// Coefficients computed once from ResidualParams.
 template <class S> struct ResidualCoefficients {
   ResidualParams<S> params{};    ///< as they are
   SafetyCoefficients<S> gate{};  ///< gate of the last step; shut if anything makes no sense
@@ -135,7 +138,7 @@ template <class S> ResidualCoefficients<S> coefficients(const ResidualParams<S>&
   return c;
 }
 
-/// What a compensator remembers.
+/// State of a compensator.
 template <class S> struct ResidualState {
   S position{};                ///< q_e, observed [rad]
   S velocity{};                ///< v_e [rad/s]
@@ -157,7 +160,7 @@ template <class S> S strap_spring(const CoupledBodies<S>& m, S mismatch) noexcep
   return m.strap_stiffness * (mismatch - clamp(mismatch, -m.slack, m.slack));
 }
 
-/// What acts between the bodies and how they speed up.
+/// Torques between the bodies, and accelerations of both.
 template <class S> struct CoupledRates {
   S strap_torque{};           ///< tau_c [N m]
   S orthosis_acceleration{};  ///< a_e [rad/s^2]
@@ -283,16 +286,16 @@ template <class S> struct ResidualCompensator {
   static constexpr SensorUse sensors[] = {{Quantity::position, true, 0.8, 4e-4},
                                           {Quantity::torque, true, 0.5, 5e-3},
                                           {Quantity::muscle, false, 4.0, 0.1}};
-  /// What it observes.
+  /// Observed quantities.
   template <class V> static void estimates(const State& s, V&& visit) {
-    visit(s.position, {"position", unit::coordinate, {}, "of the orthosis"});
-    visit(s.velocity, {"velocity", unit::velocity, {}, "of the orthosis"});
+    visit(s.position, {"position", unit::coordinate, {}, "position of the orthosis"});
+    visit(s.velocity, {"velocity", unit::velocity, {}, "velocity of the orthosis"});
     visit(s.mismatch, {"mismatch", unit::coordinate, {}, "limb less orthosis"});
-    visit(s.mismatch_rate, {"mismatch_rate", unit::velocity, {}, "of the mismatch"});
+    visit(s.mismatch_rate, {"mismatch_rate", unit::velocity, {}, "rate of the mismatch"});
     visit(s.disturbance, {"disturbance", unit::effort, {}, "torque that EMG misses"});
-    visit(s.strap_torque, {"strap_torque", unit::effort, {}, "of the strap on the orthosis"});
-    visit(s.limb_acceleration, {"limb_acceleration", unit::acceleration, {}, "of the limb"});
-    visit(s.trust, {"trust", unit::one, {}, "in EMG"});
+    visit(s.strap_torque, {"strap_torque", unit::effort, {}, "torque of the strap on the orthosis"});
+    visit(s.limb_acceleration, {"limb_acceleration", unit::acceleration, {}, "acceleration of the limb"});
+    visit(s.trust, {"trust", unit::one, {}, "weight of EMG"});
   }
 };
 

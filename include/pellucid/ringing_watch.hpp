@@ -15,14 +15,17 @@ template <class S> struct RingingWatchParams {
   S limit = S(std::numeric_limits<S>::infinity()), slowest = S(20), fastest = S(100), memory = S(3);
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.limit, {"ringing_limit", unit::effort, above(0).or_infinite(), "mean size of what an effort does in the band; infinite: any"});
-    visit(p.slowest, {"ringing_slowest", unit::rate, above(0), "of the band; slower is what people do. Times the period below 1"});
-    visit(p.fastest, {"ringing_fastest", unit::rate, above(0), "of the band; faster is dither. Times the period below 1"});
-    visit(p.memory, {"ringing_memory", unit::rate, above(0), "of the mean. Times the period below 1"});
+    visit(p.limit, {"ringing_limit", unit::effort, above(0).or_infinite(),
+                    "mean size of what an effort does in the band; infinite: any"});
+    visit(p.slowest, {"ringing_slowest", unit::rate, above(0),
+                      "lower end of the band; people move more slowly. Times the period below 1"});
+    visit(p.fastest, {"ringing_fastest", unit::rate, above(0),
+                      "upper end of the band; dither is faster. Times the period below 1"});
+    visit(p.memory, {"ringing_memory", unit::rate, above(0), "rate of the mean. Times the period below 1"});
   }
 };
 
-/// What follows from RingingWatchParams and the period once.
+/// Coefficients computed once from RingingWatchParams and the period.
 template <class S> struct RingingWatchCoefficients {
   S limit{};                ///< as it is [N m]
   S smoothing{};            ///< share of a new effort in the smooth one [1]

@@ -22,8 +22,8 @@ template <class S> struct RuleTableParams {
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     constexpr const char* angles[rule_angles] = {"rule_0", "rule_1", "rule_2", "rule_3", "rule_4"};
     constexpr const char* speeds[rule_speeds] = {"_0", "_1", "_2", "_3", "_4", "_5", "_6"};
-    visit(p.low, {"rule_low", unit::coordinate, any_number(), "where the first rule's angle lies"});
-    visit(p.high, {"rule_high", unit::coordinate, any_number(), "where the last one's lies"});
+    visit(p.low, {"rule_low", unit::coordinate, any_number(), "angle of the first rule"});
+    visit(p.high, {"rule_high", unit::coordinate, any_number(), "angle of the last rule"});
     visit(p.speed, {"rule_speed", unit::velocity, above(0), "w, half of the rules of either direction lie below it"});
     for (std::size_t i = 0; i < rule_angles; ++i)
       for (std::size_t j = 0; j < rule_speeds; ++j)
@@ -32,7 +32,7 @@ template <class S> struct RuleTableParams {
   }
 };
 
-/// What follows from RuleTableParams once.
+/// Coefficients computed once from RuleTableParams.
 template <class S> struct RuleTableCoefficients {
   RuleTableParams<S> params{};  ///< as they are
   S per_angle{};                ///< rules a radian
@@ -56,7 +56,7 @@ template <class S> RulePlace<S> rule_place(const S& along, std::size_t count) no
   return at;
 }
 
-/// What the rules say at an angle and a velocity, both finite [N m].
+/// Effort of the rules at an angle and a velocity, both finite [N m].
 template <class S> S torque(const RuleTableCoefficients<S>& c, const S& position, const S& velocity) noexcept {
   const RuleTableParams<S>& p = c.params;
   const S half = S(static_cast<value_t<S>>(rule_speeds - 1) / 2);
@@ -77,7 +77,7 @@ template <class S> struct RuleCompensationParams : TransparentCompensationParams
   }
 };
 
-/// What follows from RuleCompensationParams once.
+/// Coefficients computed once from RuleCompensationParams.
 template <class S> struct RuleCompensationCoefficients : TransparentCompensationCoefficients<S> {
   RuleTableCoefficients<S> rules{};  ///< rules for what the body's model leaves
 };

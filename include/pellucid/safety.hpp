@@ -16,8 +16,8 @@ template <class S> struct SafetyParams {
   S period{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.effort_limit, {"effort_limit", unit::effort, above(0), "of |effort|"});
-    visit(p.rate_limit, {"rate_limit", unit::effort_rate, above(0), "of |d effort / dt|"});
+    visit(p.effort_limit, {"effort_limit", unit::effort, above(0), "limit of |effort|"});
+    visit(p.rate_limit, {"rate_limit", unit::effort_rate, above(0), "limit of |d effort / dt|"});
     visit(p.velocity_limit, {"velocity_limit", unit::velocity, above(0).or_infinite(),
                              "of |velocity|, by a law's estimate and by the way since the last sample; beyond is a fault; "
                            "infinite: none"});
@@ -28,14 +28,14 @@ template <class S> struct SafetyParams {
     visit(p.stop_margin, {"stop_margin", unit::coordinate, at_least(0),
                           "distance to a stop over which the effort into it falls to 0"});
     visit(p.max_age, {"max_age", unit::time, above(0).or_infinite(),
-                      "of a sample, and of a gap between two; older is a fault; infinite: none"});
+                      "largest age of a sample, and largest gap between two; infinite: none"});
     visit(p.max_repeats, {"max_repeats", unit::one, at_least(0),
-                          "how often one sample may be seen again before that is a fault"});
+                          "largest number of repetitions of one sample before a fault"});
     visit(p.period, {"period", unit::time, above(0), "between two steps"});
   }
 };
 
-/// What follows from SafetyParams once.
+/// Coefficients computed once from SafetyParams.
 template <class S> struct SafetyCoefficients {
   SafetyParams<S> params{};  ///< as they are
   bool valid = false;        ///< whether they make sense
@@ -65,7 +65,7 @@ template <class S> SafetyCoefficients<S> coefficients(const SafetyParams<S>& p) 
   return c;
 }
 
-/// What a gate is given each period.
+/// Inputs of a gate in each period.
 template <class S> struct SafetyInput {
   S command{};                 ///< effort wanted [N m]
   S position{};                ///< angle of the joint [rad]
@@ -75,12 +75,12 @@ template <class S> struct SafetyInput {
   bool valid = true;           ///< false: the sensor itself says that this is no measurement
 };
 
-/// What a gate remembers. Its fault can be read at any time.
+/// State of a gate. Its fault can be read at any time.
 template <class S> struct SafetyState {
   SafetyFault fault = SafetyFault::none;  ///< latched
   S output{};                             ///< the last one [N m]
   S position{};                           ///< the last one that was a number [rad]
-  SampleState sample{};                   ///< what is remembered of the position's samples
+  SampleState sample{};                   ///< state of the position's samples
 };
 
 /// Opens a gate again. The output goes on from where it is, within the rate limit.
@@ -89,7 +89,7 @@ template <class S> void reset(SafetyState<S>& state) noexcept {
   state.sample = {};
 }
 
-/// What is wrong with this input after the last, its velocity aside, if anything. Also takes note of it.
+/// Fault of this input relative to the last, its velocity excepted, if any. Stores the input.
 template <class S>
 SafetyFault examine(const SafetyCoefficients<S>& c, SafetyState<S>& state, const SafetyInput<S>& input) noexcept {
   if (!(input.valid && is_finite(input.command) && is_finite(input.position) && is_finite(input.velocity)))

@@ -63,9 +63,9 @@ constexpr const char* safety_fault_names[] = {
     "unexplained_energy", "rate"};
 constexpr std::size_t safety_fault_count = sizeof safety_fault_names / sizeof *safety_fault_names;
 
-/// What is remembered of a clock of 32 bits, which turns over every 71.6 minutes.
+/// State of a clock of 32 bits, which turns over every 71.6 minutes.
 struct ClockState {
-  std::int64_t last = 0;      ///< what it said last [us]
+  std::int64_t last = 0;      ///< its last time [us]
   std::int64_t turned = 0;    ///< time of its turns so far [us]
   std::uint32_t started = 0;  ///< 1: it was read
 };
@@ -92,13 +92,13 @@ inline std::int64_t sampled_at(const ClockState& s, std::int64_t time) noexcept 
   return later_by(time, has_turned(time, s.last) ? later_by(s.turned, -clock_turn) : s.turned);
 }
 
-/// What makes a sample too old.
+/// Limits on the age of a sample.
 struct SampleRules {
   std::int64_t max_age = 0;       ///< between measurement and use, and between two samples [us]
   std::uint32_t max_repeats = 0;  ///< how often one sample may be seen again
 };
 
-/// What is remembered of one sensor.
+/// State of one sensor.
 struct SampleState {
   std::int64_t time = 0;       ///< time of the last new sample [us]
   std::uint32_t sequence = 0;  ///< sequence number of the last new sample
@@ -106,7 +106,7 @@ struct SampleState {
   bool started = false;        ///< false until the first sample
 };
 
-/// What is wrong with a sample's time and number after the last, if anything. Also takes note of them.
+/// Fault of a sample's time and number relative to the last sample, if any. Stores both.
 inline SafetyFault examine(const SampleRules& rules, SampleState& state, std::int64_t time,
                            std::uint32_t sequence) noexcept {
   // Unsigned differences cannot overflow; more than half their range is a step back.

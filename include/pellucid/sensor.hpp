@@ -10,7 +10,7 @@ template <class S> struct EncoderParams {
   S quantum{};  ///< the smallest step it resolves [rad]; <= 0: none
 };
 
-/// What follows from EncoderParams once.
+/// Coefficients computed once from EncoderParams.
 template <class S> struct EncoderCoefficients {
   S quantum{};                 ///< [rad], 1 where there is none
   mask_t<S> quantises{};       ///< whether there is a quantum

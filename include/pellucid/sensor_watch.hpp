@@ -14,7 +14,7 @@ template <class S> struct SensorWatchParams {
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.expected, {"expected", unit::one, between(0, 1), "1: the law makes use of it, and it must speak"});
-    visit(p.range, {"range", unit::effort, above(0).or_infinite(), "of what it can say"});
+    visit(p.range, {"range", unit::effort, above(0).or_infinite(), "range of valid readings"});
     visit(p.quiet_samples, {"quiet_samples", unit::one, at_least(1),
                             "periods in a row without a word, or without a change while the joint moves, that are a fault"});
   }

@@ -23,7 +23,7 @@ template <class S> struct SeriesElasticParams {
   }
 };
 
-/// What follows from SeriesElasticParams once.
+/// Coefficients computed once from SeriesElasticParams.
 template <class S> struct SeriesElasticCoefficients {
   JointCoefficients<S> motor{};                ///< a joint on which the spring acts as a weight
   TransmissionCoefficients<S> transmission{};  ///< behind it

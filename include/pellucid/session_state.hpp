@@ -25,7 +25,7 @@ enum class SessionState : std::uint8_t {
 
 constexpr std::size_t session_state_count = 6;
 
-/// What a state means to who reads it.
+/// Meaning of a state for its reader.
 struct SessionStateMeaning {
   const char* name;
   const char* words;  ///< for a page

@@ -19,14 +19,18 @@ template <class S> struct ShakingWatchParams {
   S limit = S(std::numeric_limits<S>::infinity()), recent = S(12), memory = S(0.7), slow = S(6);
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.limit, {"shaking_limit", unit::velocity, above(0).or_infinite(), "mean speed to and fro; infinite: any"});
-    visit(p.recent, {"shaking_recent", unit::rate, above(0), "of the mean speed in one direction. Times the period below 1"});
-    visit(p.memory, {"shaking_memory", unit::rate, above(0), "of the mean of the smaller one. Times the period below 1"});
-    visit(p.slow, {"shaking_slow", unit::rate, at_least(0), "of the slow part of the velocity. Times the period below 1"});
+    visit(p.limit, {"shaking_limit", unit::velocity, above(0).or_infinite(),
+                    "largest mean speed of an oscillation; infinite: any"});
+    visit(p.recent, {"shaking_recent", unit::rate, above(0),
+                     "rate of the mean speed in one direction. Times the period below 1"});
+    visit(p.memory, {"shaking_memory", unit::rate, above(0),
+                     "rate of the mean of the smaller one. Times the period below 1"});
+    visit(p.slow, {"shaking_slow", unit::rate, at_least(0),
+                   "rate of the slow part of the velocity. Times the period below 1"});
   }
 };
 
-/// What follows from ShakingWatchParams and the period once.
+/// Coefficients computed once from ShakingWatchParams and the period.
 template <class S> struct ShakingWatchCoefficients {
   S limit{};                ///< as it is [rad/s]
   S following{};            ///< share of a new speed in the mean of its direction [1]

@@ -20,14 +20,14 @@ template <class S> struct StartUpTestParams {
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.effort, {"test_effort", unit::effort, at_least(0), "A of the wave; 0: no test at start-up"});
-    visit(p.samples, {"test_samples", unit::one, between(8, 200), "of half a wave, in periods"});
+    visit(p.samples, {"test_samples", unit::one, between(8, 200), "duration of half a wave, in periods"});
     visit(p.rest, {"test_rest", unit::one, at_least(0), "periods of rest in a row before it"});
     visit(p.least, {"test_least", unit::energy, any_number(), "least work by its middle that is the right polarity"});
     visit(p.most, {"test_most", unit::energy, above(0).or_infinite(), "largest that is the right gain"});
   }
 };
 
-/// What follows from StartUpTestParams once: a sine is made step by step, by turning.
+/// Coefficients computed once from StartUpTestParams; the sine is generated step by step, by rotation.
 template <class S> struct StartUpTestCoefficients {
   StartUpTestParams<S> params{};  ///< as they are
   S turn_sine{};                  ///< sine of the phase that passes in a period
@@ -83,7 +83,7 @@ template <class S> S step(const StartUpTestCoefficients<S>& c, StartUpTestState<
   return s.pushed;
 }
 
-/// What the whole wave shows, if anything.
+/// Fault that the whole wave shows, if any.
 template <class S> SafetyFault shown(const StartUpTestParams<S>& p, const StartUpTestState<S>& s) noexcept {
   const S work = hardly_moved(p, s) ? s.work - s.middle : s.middle;
   if (!(work >= p.least)) return SafetyFault::polarity;

@@ -18,14 +18,15 @@ template <class S> struct StillWatchParams {
   std::uint32_t half_wave = 32;
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.samples, {"still_samples", unit::one, between(0, 1000000), "equal readings in a row after which the joint is asked by a wave; "
+    visit(p.samples, {"still_samples", unit::one, between(0, 1000000),
+                      "equal readings in a row after which the joint is asked by a wave; "
                       "it grows for as many, and after as many more the encoder is frozen. 0: it is not asked"});
     visit(p.effort, {"still_effort", unit::effort, at_least(0), "largest amplitude of that wave"});
-    visit(p.half_wave, {"still_half_wave", unit::one, between(8, 200), "of half a wave, in periods"});
+    visit(p.half_wave, {"still_half_wave", unit::one, between(8, 200), "duration of half a wave, in periods"});
   }
 };
 
-/// What follows from StillWatchParams once.
+/// Coefficients computed once from StillWatchParams.
 template <class S> struct StillWatchCoefficients {
   StillWatchParams<S> params{};  ///< as they are
   SinCos<S> turn{};              ///< change of the phase in a period
@@ -46,7 +47,7 @@ template <class S> StillWatchCoefficients<S> coefficients(const StillWatchParams
 template <class S> struct StillWatchState {
   S sine{};           ///< sine of the wave's phase, now
   S cosine = S(1);    ///< cosine of the wave's phase, now
-  S amplitude{};      ///< of the wave, now; 0: the joint is not asked [N m]
+  S amplitude{};      ///< present amplitude of the wave; 0: no wave [N m]
 };
 
 /// The effort to add in this period [N m].

@@ -35,7 +35,7 @@ template <class S> struct StrapParams {
     visit(p.hardening, {"strap_hardening", unit::coordinate, any_number(),
                         "e_h, stretch at which its tangent stiffness has doubled; <= 0: it never hardens"});
     visit(p.relaxing_stiffness, {"strap_relaxing_stiffness", unit::stiffness, at_least(0),
-                                 "K_m, beside K at first and gone in the end; 0: none"});
+                                 "K_m, stiffness that is added to K at first and relaxes; 0: none"});
     visit(p.relaxation_time, {"strap_relaxation_time", unit::time, at_least(0),
                               "T_m, over which a held stretch loses that"});
     visit(p.across, {"strap_across", unit::one, between(-0.5, 0.5),
@@ -47,7 +47,7 @@ template <class S> struct StrapParams {
   }
 };
 
-/// What follows from StrapParams once.
+/// Coefficients computed once from StrapParams.
 template <class S> struct StrapCoefficients {
   S stiffness{};           ///< K [N m/rad]
   S damping{};             ///< D [N m s/rad]
@@ -90,7 +90,7 @@ template <class S> StrapCoefficients<S> coefficients(const StrapParams<S>& param
   return c;
 }
 
-/// What a strap remembers.
+/// State of a strap.
 template <class S> struct StrapState {
   S slip{};  ///< angle by which the limb has slipped in the strap [rad]
   S flow{};  ///< x, what its dashpot has given [rad]
@@ -116,7 +116,7 @@ template <class S> S robot_at(const StrapCoefficients<S>& c, const S& limb) noex
   return robot;
 }
 
-/// What is left of a mismatch beyond the gap [rad].
+/// Part of a mismatch beyond the gap [rad].
 template <class S> S stretch(const StrapCoefficients<S>& c, const S& mismatch) noexcept {
   return mismatch - clamp(mismatch, -c.half_slack, c.half_slack);
 }
@@ -160,14 +160,14 @@ template <class S> S slip_rate(const StrapCoefficients<S>& c, const S& torque) n
   return c.slip_mobility * (torque - clamp(torque, -c.hold, c.hold));
 }
 
-/// What a strap does at one moment.
+/// Torques of a strap at one moment.
 template <class S> struct StrapPull {
   S limb{};      ///< against the limb [N m]
   S robot{};     ///< on the robot [N m]
   S mismatch{};  ///< limb less where it would go through the cuff, less slip [rad]
 };
 
-/// What a strap does to a robot and a limb, at positions [rad] and velocities [rad/s].
+/// Torques of a strap on robot and limb, at positions [rad] and velocities [rad/s].
 template <class S> StrapPull<S> pull(const StrapCoefficients<S>& c, const StrapState<S>& state, const S& robot_position,
                                      const S& robot_velocity, const S& limb_position, const S& limb_velocity) noexcept {
   const StrapAlignment<S> at = alignment(c, robot_position);

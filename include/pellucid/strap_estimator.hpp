@@ -14,27 +14,27 @@ namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct StrapEstimatorParams {
-  CoupledBodies<S> bodies{};  ///< what was identified: k and b are where the estimate starts
+  CoupledBodies<S> bodies{};  ///< identified bodies; k and b are the initial estimate
   S bandwidth{}, slowest{}, forgetting{}, prior_mismatch{}, excitation{}, stiffness_min{}, stiffness_max{},
       damping_min{}, damping_max{}, period{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     pellucid::walk(p.bodies, visit);
     visit(p.bandwidth, {"bandwidth", unit::velocity, above(0), "a, of the low-pass"});
-    visit(p.slowest, {"slowest", unit::velocity, above(0), "below it nothing is fitted"});
-    visit(p.forgetting, {"forgetting", unit::time, above(0), "over which the past is forgotten"});
+    visit(p.slowest, {"slowest", unit::velocity, above(0), "velocity below which nothing is fitted"});
+    visit(p.forgetting, {"forgetting", unit::time, above(0), "time over which the past is forgotten"});
     visit(p.prior_mismatch, {"prior_mismatch", unit::coordinate, above(0),
                              "RMS mismatch, over the forgetting time, that weighs as much as the start"});
     visit(p.excitation, {"excitation", unit::coordinate, above(0), "RMS mismatch below which nothing is learnt"});
-    visit(p.stiffness_min, {"stiffness_min", unit::stiffness, above(0), "of k"});
-    visit(p.stiffness_max, {"stiffness_max", unit::stiffness, above(0), "of k"});
-    visit(p.damping_min, {"damping_min", unit::viscous, at_least(0), "of b"});
-    visit(p.damping_max, {"damping_max", unit::viscous, at_least(0), "of b"});
+    visit(p.stiffness_min, {"stiffness_min", unit::stiffness, above(0), "lower bound of k"});
+    visit(p.stiffness_max, {"stiffness_max", unit::stiffness, above(0), "upper bound of k"});
+    visit(p.damping_min, {"damping_min", unit::viscous, at_least(0), "lower bound of b"});
+    visit(p.damping_max, {"damping_max", unit::viscous, at_least(0), "upper bound of b"});
     visit(p.period, {"period", unit::time, above(0), "between two steps"});
   }
 };
 
-/// What follows from StrapEstimatorParams once.
+/// Coefficients computed once from StrapEstimatorParams.
 template <class S> struct StrapEstimatorCoefficients {
   StrapEstimatorParams<S> params{};  ///< as they are
   bool valid = false;                ///< whether they make sense
@@ -59,7 +59,7 @@ template <class S> StrapEstimatorCoefficients<S> coefficients(const StrapEstimat
   return c;
 }
 
-/// What the estimator remembers.
+/// State of the estimator.
 template <class S> struct StrapEstimatorState {
   S stiffness{};         ///< k [N m/rad]
   S damping{};           ///< b [N m s/rad]

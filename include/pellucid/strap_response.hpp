@@ -18,12 +18,12 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// What lies between strap and limb, and what rubs beside the strap.
+/// Soft tissue between strap and limb, and friction in parallel with the strap.
 template <class S> struct StrapContactParams {
   S friction{}, friction_way{}, tissue_depth{}, tissue_torque{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.friction, {"strap_friction", unit::effort, at_least(0), "F, dry friction beside the spring"});
+    visit(p.friction, {"strap_friction", unit::effort, at_least(0), "F, dry friction in parallel with the spring"});
     visit(p.friction_way, {"strap_friction_way", unit::coordinate, at_least(0),
                            "w, way over which cloth bends from its middle before it slips; 0: none"});
     visit(p.tissue_depth, {"strap_tissue_depth", unit::coordinate, at_least(0),

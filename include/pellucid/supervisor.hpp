@@ -61,7 +61,7 @@ template <class S> struct SupervisorParams {
     pellucid::walk(p.encoder, visit);
     visit(p.joint_expected, {"joint_expected", unit::one, between(0, 1), "1: there is a second encoder, at the joint"});
     visit(p.joint_tolerance, {"joint_tolerance", unit::coordinate, above(0).or_infinite(),
-                              "by which the two encoders may differ more than at the start"});
+                              "largest change of the difference between the two encoders since the start"});
     pellucid::walk(p.body, visit);
     auto of_force = prefixed(visit, "force_"), of_muscle = prefixed(visit, "muscle_");
     pellucid::walk(p.force, of_force);
@@ -71,11 +71,14 @@ template <class S> struct SupervisorParams {
     pellucid::walk(p.ringing, visit);
     pellucid::walk(p.hold, visit);
     pellucid::walk(p.test, visit);
-    visit(p.degrades, {"degrades", unit::one, between(0, 1), "1: without its force sensor the law still carries the robot"});
+    visit(p.degrades, {"degrades", unit::one, between(0, 1),
+                       "1: without its force sensor the law still carries the robot"});
     visit(p.moving, {"moving_speed", unit::velocity, at_least(0), "faster, a force sensor's word must change"});
-    visit(p.rest_speed, {"rest_speed", unit::velocity, above(0).or_infinite(), "slower, a reset may be granted, or the test at start-up begin"});
-    visit(p.reset_delay, {"reset_delay", unit::time, between(0, 60), "from a fault to the earliest reset"});
-    visit(p.healthy_samples, {"healthy_samples", unit::one, at_least(1), "in a row before a reset is granted"});
+    visit(p.rest_speed, {"rest_speed", unit::velocity, above(0).or_infinite(),
+                         "slower, a reset may be granted, or the test at start-up begin"});
+    visit(p.reset_delay, {"reset_delay", unit::time, between(0, 60), "time from a fault to the earliest reset"});
+    visit(p.healthy_samples, {"healthy_samples", unit::one, at_least(1),
+                              "consecutive healthy samples before a reset is granted"});
     pellucid::walk(p.probe, visit);
     pellucid::walk(p.shaking, visit);
     pellucid::walk(p.unexplained, visit);
@@ -85,7 +88,7 @@ template <class S> struct SupervisorParams {
   }
 };
 
-/// What a supervised law is doing.
+/// Mode of a supervised law.
 enum class Mode : std::uint8_t {
   start_up,     ///< polarity and gain are tested with a small effort
   running,      ///< the law's effort passes
@@ -97,7 +100,7 @@ enum class Mode : std::uint8_t {
 constexpr const char* mode_names[] = {"start_up", "running", "degraded", "damped_stop", "zero", "latched"};
 constexpr bool is_stopped(Mode mode) noexcept { return mode >= Mode::damped_stop; }
 
-/// What follows from SupervisorParams and the law's gate once.
+/// Coefficients computed once from SupervisorParams and the law's gate.
 template <class S> struct SupervisorCoefficients {
   SupervisorParams<S> params{};           ///< as they are
   EncoderWatchCoefficients<S> encoder{};  ///< watch of the raw encoder
@@ -143,20 +146,20 @@ SupervisorCoefficients<S> coefficients(const SupervisorParams<S>& p, const Safet
   return c;
 }
 
-/// What comes back from drive, joint and operator, beside what the law reads.
+/// Feedback from drive, joint and operator, in addition to the sensors of the law.
 template <class S> struct Feedback {
   Sample<S> drive{};        ///< the effort that the drive measures, at the joint [N m]
   Sample<S> joint{};        ///< a second encoder [rad]
   std::uint32_t token = 0;  ///< the challenge of a fault, sent back by an operator who asks for a reset
 };
 
-/// What goes to the drive, and what an operator may see.
+/// Command to the drive, and the state shown to an operator.
 template <class S> struct SupervisorOutput {
   S effort{};                             ///< [N m]
   std::uint32_t beat = 0;                 ///< counts periods, for the drive's watchdog
-  std::uint32_t challenge = 0;            ///< what a reset needs as its token; 0 while all is well
+  std::uint32_t challenge = 0;            ///< token that a reset needs; 0 without a fault
   SafetyFault fault = SafetyFault::none;  ///< the first, latched
-  Mode mode = Mode::latched;              ///< what is being done
+  Mode mode = Mode::latched;              ///< present mode
   bool enable = false;                    ///< false: the drive must take its power off
 };
 
@@ -164,7 +167,7 @@ template <class S> struct SupervisorOutput {
 struct LoggedFault {
   std::uint32_t step = 0;                 ///< period in which it was found
   SafetyFault fault = SafetyFault::none;  ///< what
-  Mode mode = Mode::latched;              ///< what was then done
+  Mode mode = Mode::latched;              ///< mode after the fault
 };
 constexpr std::uint32_t log_length = 8;
 
@@ -219,12 +222,12 @@ template <class S> struct SupervisorState {
   StillWatchState<S> still{};             ///< watch that asks a joint at rest
   ClockState clock{};                     ///< turns of a clock of 32 bits
   std::uint32_t drive_seen = ~std::uint32_t(0), joint_seen = ~std::uint32_t(0);  ///< sequence numbers
-  SafetyFault residual = SafetyFault::none;  ///< what model and motion show, now
+  SafetyFault residual = SafetyFault::none;  ///< present fault from model and motion
   S other_velocity{};           ///< velocity of the period before [rad/s]
   S joint_offset{};             ///< offset of the second encoder [rad]
   bool joint_started = false;   ///< false until it was read
   std::uint32_t joint_silent = 0;         ///< periods without it
-  S joint_position{};           ///< what it said last [rad]
+  S joint_position{};           ///< its last reading [rad]
   S drive_velocity{};           ///< velocity of a drive before its spring, smoothed [rad/s]
   ChecksumState law_sum{}, own_sum{};     ///< checksums of the law's numbers and of the supervisor's
   std::uint32_t memory_sum{};             ///< checksum of what the law remembered after its last period
@@ -296,7 +299,7 @@ template <class S> Mode first_mode(const SupervisorCoefficients<S>& c) noexcept 
   return c.params.test.effort > S(0) ? Mode::start_up : Mode::running;
 }
 
-/// What outlives a start: the log, and what a reset needs.
+/// State that persists over a start: the log, and the state of resets.
 template <class S> void keep(SupervisorState<S>& s, const SupervisorState<S>& before) noexcept {
   s.challenge = before.challenge;
   s.steps = before.steps;
@@ -399,7 +402,7 @@ template <class S> bool is_new(std::uint32_t& seen, const Sample<S>& sample) noe
   return fresh;
 }
 
-/// What the encoder of the joint says beside the motor's, if anything.
+/// Fault of the joint's encoder relative to the motor's, if any.
 template <class C, class State, class S>
 SafetyFault compare(const C& c, State& s, const Sample<S>& position, const Sample<S>& joint) noexcept {
   if (c.params.joint_expected == 0) return SafetyFault::none;
@@ -437,7 +440,7 @@ template <class S> S velocity_of_drive(const SupervisorCoefficients<S>& c, const
 
 constexpr SafetyFault first_of(SafetyFault a, SafetyFault b) noexcept { return a != SafetyFault::none ? a : b; }
 
-/// What is wrong with encoder, motion, drive and command in this period, the law's optional sensors aside.
+/// Fault of encoder, motion, drive or command in this period, optional sensors excepted.
 template <class S>
 SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const Samples<S>& samples,
                     const Feedback<S>& back) noexcept {
@@ -574,7 +577,7 @@ template <class L, class S> Samples<S> stamped(Supervised<L>& s, const Samples<S
   return made;
 }
 
-/// From the next step on it stops, whatever it is doing; before a start, from that on.
+/// Stops the law from the next step on in any mode; before a start, from the start on.
 template <class L> void stop(Supervised<L>& s) noexcept { ++s.stops.asked; }
 
 /// Samples with their times on a clock that only goes on, after the step's own time.

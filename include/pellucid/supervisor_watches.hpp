@@ -25,11 +25,11 @@ struct Watch {
   const char* name;      ///< in the file of an incident
   Unit unit;             ///< unit of value and threshold, SI
   WatchBound bound;      ///< how they are compared
-  SafetyFault fault;     ///< what it finds
-  const char* sentence;  ///< what its value is
+  SafetyFault fault;     ///< fault that it detects
+  const char* sentence;  ///< description of its value
 };
 
-/// What the watches of a period need of the period before.
+/// Values of the period before that the checks of a period need.
 template <class S> struct WatchedState {
   DriveWatchState<S> drive{};    ///< the supervisor's, when the period began
   S velocity{};                  ///< raw velocity [rad/s]
@@ -45,10 +45,10 @@ template <class S> struct WatchedState {
 template <class S> struct WatchedPeriod {
   const SupervisorCoefficients<S>& c;    ///< the supervisor's numbers
   const SafetyCoefficients<S>& gate;     ///< those of the law's gate
-  const SupervisorState<S>& s;           ///< what the step left
-  const WatchedState<S>& before;         ///< what is remembered of the period before
-  const Samples<S>& read;                ///< what was read
-  const Feedback<S>& back;               ///< what came back from drive and joint
+  const SupervisorState<S>& s;           ///< state after the step
+  const WatchedState<S>& before;         ///< values of the period before
+  const Samples<S>& read;                ///< readings
+  const Feedback<S>& back;               ///< measurements of drive and joint
   std::int64_t now = 0;                  ///< time of the step [us]
 };
 
@@ -60,7 +60,7 @@ constexpr std::int32_t age_of(std::int64_t now, std::int64_t time) noexcept {
   return earlier <= 0x7fffffffu ? -static_cast<std::int32_t>(earlier) : later <= 0x7fffffffffffffffu ? 0x7fffffff : -0x7fffffff;
 }
 
-/// What the next period needs of this one. `note_before` is called after `walk_watches`.
+/// Values of this period that the next one needs. `note_before` is called after `walk_watches`.
 template <class S> void note_before(const WatchedPeriod<S>& w, WatchedState<S>& next) noexcept {
   const Mode before = static_cast<Mode>(w.before.mode);
   if ((w.s.steps & 1u) != 0) {
@@ -78,9 +78,9 @@ template <class S> void note_before(const WatchedPeriod<S>& w, WatchedState<S>& 
   next.mode = static_cast<std::uint32_t>(mode_of(w.s));
 }
 
-/// What one watch shows in a period.
+/// Result of one check in a period.
 template <class S> struct ShownWatch {
-  S value{};      ///< what it looks at
+  S value{};      ///< checked value
   S threshold{};  ///< where it trips; infinite: it does not watch now
   Watch watch;    ///< the watch
 };
@@ -146,7 +146,7 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
            {"encoder_still", unit::one, W::above, F::frozen, "equal readings in a row, although a wave asked the joint"}},
       Show{S(1e-6) * static_cast<S>(age_of(later_by(s.clock.last, s.clock.turned), s.rate.began)) - count(s.rate.count) * w.c.period,
            where(p.rate.samples != 0, S(1e-6) * count(w.c.rate.most) - count(w.c.rate.samples) * w.c.period),
-           {"rate", unit::time, W::size, F::rate, "by how much longer than their periods the steps took whose mean is judged"}},
+           {"rate", unit::time, W::size, F::rate, "mean excess of the steps' intervals over the period"}},
       Show{apart, where(has_joint, p.joint_tolerance),
            {"joint_difference", unit::coordinate, W::size, F::disagreement, "difference of the two encoders since the start"}},
       Show{count(s.joint_silent), where(p.joint_expected != 0, count(p.drive.cycles) + S(1)),
@@ -160,23 +160,23 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
       Show{s.body.burst, where(w.c.body.checks && force, p.body.force_burst + s.body.level),
            {"force_burst", unit::effort, W::size, F::force_sensor, "difference of force sensor and model at once"}},
       Show{s.body.excess, where(w.c.body.checks && force, p.body.force_excess),
-           {"force_excess", unit::effort, W::above, F::force_sensor, "by how much the force sensor says too much"}},
+           {"force_excess", unit::effort, W::above, F::force_sensor, "excess of the force sensor's reading"}},
       Show{is_heard(w.read.interaction) ? w.read.interaction.value : S(0), where(force && hears_sensors, p.force.range),
-           {"force_range", unit::effort, W::size, F::force_sensor, "what the force sensor says"}},
+           {"force_range", unit::effort, W::size, F::force_sensor, "reading of the force sensor"}},
       Show{count(s.force.quiet), where(force && hears_sensors, count(p.force.quiet_samples)),
            {"force_silence", unit::one, W::above, F::lost, "periods without a word of the force sensor"}},
       Show{is_heard(w.read.muscle) ? w.read.muscle.value : S(0), where(p.muscle.expected != 0 && hears_sensors, p.muscle.range),
-           {"muscle_range", unit::effort, W::size, F::muscle, "what EMG says of the muscles"}},
+           {"muscle_range", unit::effort, W::size, F::muscle, "muscle torque from EMG"}},
       Show{count(s.muscle.quiet), where(p.muscle.expected != 0 && hears_sensors, count(p.muscle.quiet_samples)),
            {"muscle_silence", unit::one, W::above, F::lost, "periods without a word of EMG"}},
       Show{strays, where(drive_watches && drive_speaks, allowed),
-           {"drive_difference", unit::effort, W::size, F::drive_effort, "what the drive gives less what it was asked for"}},
+           {"drive_difference", unit::effort, W::size, F::drive_effort, "measured minus commanded effort"}},
       Show{count(is_outside ? drive.outside + 1 : 0), where(drive_watches, count(p.drive.cycles)),
            {"drive_outside", unit::one, W::above, F::drive_effort, "periods in a row in which the drive gave something else"}},
       Show{least_surplus(drive), where(drive_watches, p.drive.surplus),
            {"drive_surplus", unit::energy, W::above, F::drive_effort, "energy that the drive gave beyond what it was asked for"}},
       Show{lateness.is_shown ? lateness.late / lateness.varied : S(0), where(drive_watches && lateness.is_shown, p.delay.limit),
-           {"drive_delay", unit::time, W::above, F::drive_effort, "by how much the drive's answer is late"}},
+           {"drive_delay", unit::time, W::above, F::drive_effort, "delay of the drive's response"}},
       Show{count(drive_speaks ? 0 : drive.silent + 1), where(drive_watches, count(p.drive.cycles)),
            {"drive_silence", unit::one, W::above, F::drive_silent, "periods without the drive's measurement"}},
       Show{shown.pushed, p.budget.push_limit,

@@ -16,13 +16,13 @@ template <class S> struct TorqueFeedbackParams {
     visit(p.proportional, {"proportional", unit::one, at_least(0), "gain on the interaction torque"});
     visit(p.integral, {"integral", unit::rate, at_least(0), "gain on its integral"});
     visit(p.leak, {"leak", unit::rate, at_least(0).or_infinite(), "rate at which the integral forgets"});
-    visit(p.lowpass, {"sensor_lowpass", unit::velocity, above(0).or_infinite(), "of the force sensor"});
+    visit(p.lowpass, {"sensor_lowpass", unit::velocity, above(0).or_infinite(), "low-pass on the force sensor"});
     visit(p.drift, {"sensor_drift", unit::velocity, at_least(0).or_infinite(),
                     "rate below which a torque is the sensor's own"});
-    visit(p.limit, {"feedback_limit", unit::effort, at_least(0), "of what feeds back"});
+    visit(p.limit, {"feedback_limit", unit::effort, at_least(0), "limit of the feedback"});
   }
 };
-/// What follows from TorqueFeedbackParams and the period once.
+/// Coefficients computed once from TorqueFeedbackParams and the period.
 template <class S> struct TorqueFeedbackCoefficients {
   TorqueFeedbackParams<S> params{};  ///< as they are
   S period{};                        ///< [s]

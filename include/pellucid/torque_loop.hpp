@@ -25,13 +25,13 @@ template <class S> struct TorqueLoopParams {
     visit(p.kp, {"torque_kp", unit::one, any_number(), "k_p"});
     visit(p.ki, {"torque_ki", unit::rate, any_number(), "k_i"});
     visit(p.kd, {"torque_kd", unit::time, any_number(), "k_d"});
-    visit(p.torque_limit, {"torque_limit", unit::effort, any_number(), "of |tau_d|; <= 0: none"});
-    visit(p.motor_limit, {"motor_limit", unit::effort, any_number(), "of |u|; <= 0: none"});
+    visit(p.torque_limit, {"torque_limit", unit::effort, any_number(), "limit of |tau_d|; <= 0: none"});
+    visit(p.motor_limit, {"motor_limit", unit::effort, any_number(), "limit of |u|; <= 0: none"});
     visit(p.stiffness, {"calibrated_stiffness", unit::stiffness, any_number(), "K as the controller knows it"});
   }
 };
 
-/// What follows from TorqueLoopParams once.
+/// Coefficients computed once from TorqueLoopParams.
 template <class S> struct TorqueLoopCoefficients {
   S kp{};                         ///< [1]
   S ki{};                         ///< [1/s]
@@ -63,7 +63,7 @@ template <class S> TorqueLoopCoefficients<S> coefficients(const TorqueLoopParams
   return c;
 }
 
-/// What the loop remembers.
+/// State of the loop.
 template <class S> struct TorqueLoopState {
   S integral{};                   ///< integral of the torque's error [N m s]
   S torques[max_torque_span]{};   ///< the last measured torques, a ring [N m]
@@ -81,7 +81,7 @@ template <class S> TorqueLoopState<S> settled(const S& torque) noexcept {
   return state;
 }
 
-/// What the encoders make of the spring's torque: K (q_m - q_e) [N m].
+/// Spring torque from the encoders: K (q_m - q_e) [N m].
 template <class S>
 S measured_torque(const TorqueLoopCoefficients<S>& c, const S& motor_position, const S& position) noexcept {
   return c.stiffness * (motor_position - position);

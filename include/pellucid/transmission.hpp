@@ -19,7 +19,7 @@ template <class S> struct TransmissionParams {
   }
 };
 
-/// What follows from TransmissionParams once.
+/// Coefficients computed once from TransmissionParams.
 template <class S> struct TransmissionCoefficients {
   S stiffness{};          ///< K [N m/rad]
   S inverse_stiffness{};  ///< 1 / K [rad/(N m)]

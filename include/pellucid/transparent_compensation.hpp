@@ -40,25 +40,26 @@ template <class S> struct TransparentCompensationParams {
     visit(p.friction_share, {"friction_share", unit::one, share(), "s_F, of friction that is compensated"});
     visit(p.inertia_share, {"inertia_share", unit::one, share(), "s_J, of inertia times acceleration"});
     pellucid::walk(p.estimator, visit);
-    visit(p.acceleration_limit, {"acceleration_limit", unit::acceleration, at_least(0), "of what is fed forward"});
-    visit(p.energy_store, {"energy_store", unit::energy, at_least(0).or_infinite(), "of the energy observer"});
+    visit(p.acceleration_limit, {"acceleration_limit", unit::acceleration, at_least(0),
+                                 "limit of the fed forward acceleration"});
+    visit(p.energy_store, {"energy_store", unit::energy, at_least(0).or_infinite(), "capacity of the energy observer"});
     pellucid::walk(p.feedback, visit);
     pellucid::walk(p.emg, visit);
     pellucid::walk(p.oscillator, visit);
-    visit(p.oscillator_share, {"oscillator_share", unit::one, share(), "of the acceleration that is the oscillator's"});
-    visit(p.oscillator_lead, {"oscillator_lead", unit::time, any_number(), "how far ahead the oscillator looks"});
-    visit(p.friction_lead, {"friction_lead", unit::time, at_least(0),
-                            "how far ahead friction's velocity is foreseen"});
+    visit(p.oscillator_share, {"oscillator_share", unit::one, share(),
+                               "share of the acceleration from the oscillator"});
+    visit(p.oscillator_lead, {"oscillator_lead", unit::time, any_number(), "prediction time of the oscillator"});
+    visit(p.friction_lead, {"friction_lead", unit::time, at_least(0), "prediction time of the velocity for friction"});
     pellucid::walk(p.observer, visit);
     pellucid::walk(p.dither, visit);
     pellucid::walk(p.gate, visit);
   }
 };
 
-/// What follows from TransparentCompensationParams once.
+/// Coefficients computed once from TransparentCompensationParams.
 template <class S> struct TransparentCompensationCoefficients {
   TransparentCompensationParams<S> params{};         ///< as they are
-  JointCoefficients<S> body{};                       ///< what is compensated
+  JointCoefficients<S> body{};                       ///< compensated body
   MotionEstimatorCoefficients<S> estimator{};        ///< estimate of the motion
   TorqueFeedbackCoefficients<S> feedback{};          ///< on a force sensor
   EmgPredictionCoefficients<S> emg{};                ///< prediction of the acceleration from EMG

@@ -20,7 +20,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// What the law does at one joint.
+/// Parameters of the law at one joint.
 template <class S> struct JointShareParams {
   S gravity_share = S(1), friction_share = S(0.8), inertia_share{}, friction_lead{};
   MotionEstimatorParams<S> estimator{};  ///< estimate of the motion
@@ -34,12 +34,12 @@ template <class S> struct JointShareParams {
     visit(p.gravity_share, {"gravity_share", unit::one, share(), "s_G, of gravity that is compensated"});
     visit(p.friction_share, {"friction_share", unit::one, share(), "s_F, of friction that is compensated"});
     visit(p.inertia_share, {"inertia_share", unit::one, share(), "s_J, of inertia times acceleration and of C v"});
-    visit(p.friction_lead, {"friction_lead", unit::time, at_least(0),
-                            "how far ahead friction's velocity is foreseen"});
+    visit(p.friction_lead, {"friction_lead", unit::time, at_least(0), "prediction time of the velocity for friction"});
     pellucid::walk(p.estimator, visit);
-    visit(p.acceleration_limit, {"acceleration_limit", unit::acceleration, at_least(0), "of what is fed forward"});
+    visit(p.acceleration_limit, {"acceleration_limit", unit::acceleration, at_least(0),
+                                 "limit of the fed forward acceleration"});
     visit(p.energy_store, {"energy_store", unit::energy, at_least(0).or_infinite(),
-                           "of the energy observer; infinite: it lets everything pass"});
+                           "capacity of the energy observer; infinite: no limit"});
     pellucid::walk(p.feedback, visit);
     pellucid::walk(p.emg, visit);
     pellucid::walk(p.dither, visit);
@@ -47,7 +47,7 @@ template <class S> struct JointShareParams {
   }
 };
 
-/// What the law does with the whole.
+/// Parameters of the law for the whole robot.
 template <class S> struct WholeTreeParams {
   S observer_bandwidth = S(30), power_limit = S(std::numeric_limits<S>::infinity()), speed_limit = power_limit;
   std::uint32_t end_link = 0, sensor_link = 0;
@@ -60,25 +60,25 @@ template <class S> struct WholeTreeParams {
                           "of the sum of efforts times velocities; infinite: none"});
     visit(p.speed_limit, {"speed_limit", Unit{0, 0, 0, "m/s"}, above(0).or_infinite(),
                           "of the end point; infinite: none"});
-    visit(p.end_link, {"end_link", unit::one, at_least(0), "that bears the end point, from 1; 0: none"});
-    visit(p.end_x, {"end_x", unit::length, any_number(), "of the end point in its link"});
-    visit(p.end_y, {"end_y", unit::length, any_number(), "of the end point"});
-    visit(p.end_z, {"end_z", unit::length, any_number(), "of the end point"});
-    visit(p.sensor_link, {"sensor_link", unit::one, at_least(0), "that bears the force sensor, from 1; 0: none"});
-    visit(p.sensor_x, {"sensor_x", unit::length, any_number(), "of the sensor's point in its link"});
-    visit(p.sensor_y, {"sensor_y", unit::length, any_number(), "of the sensor's point"});
-    visit(p.sensor_z, {"sensor_z", unit::length, any_number(), "of the sensor's point"});
+    visit(p.end_link, {"end_link", unit::one, at_least(0), "link with the end point, from 1; 0: none"});
+    visit(p.end_x, {"end_x", unit::length, any_number(), "position of the end point in its link"});
+    visit(p.end_y, {"end_y", unit::length, any_number(), "position of the end point in its link"});
+    visit(p.end_z, {"end_z", unit::length, any_number(), "position of the end point in its link"});
+    visit(p.sensor_link, {"sensor_link", unit::one, at_least(0), "link with the force sensor, from 1; 0: none"});
+    visit(p.sensor_x, {"sensor_x", unit::length, any_number(), "position of the force sensor in its link"});
+    visit(p.sensor_y, {"sensor_y", unit::length, any_number(), "position of the force sensor in its link"});
+    visit(p.sensor_z, {"sensor_z", unit::length, any_number(), "position of the force sensor in its link"});
   }
 };
 
 template <class S, std::size_t N> struct TreeCompensationParams {
   TreeParams<S, N> tree{};          ///< identified
   TreeDrivesParams<S, N> drives{};  ///< identified; the velocity_width of each joint's friction > 0
-  JointShareParams<S> joint[N]{};   ///< what is done at each
+  JointShareParams<S> joint[N]{};   ///< parameters of each joint
   WholeTreeParams<S> whole{};       ///< and with all
 };
 
-/// What follows from JointShareParams once.
+/// Coefficients computed once from JointShareParams.
 template <class S> struct JointShareCoefficients {
   JointShareParams<S> params{};                ///< as they are
   MotionEstimatorCoefficients<S> estimator{};  ///< estimate of the motion
@@ -87,10 +87,10 @@ template <class S> struct JointShareCoefficients {
   DitherCoefficients<S> dither{};              ///< against sticking
 };
 
-/// What follows from TreeCompensationParams once.
+/// Coefficients computed once from TreeCompensationParams.
 template <class S, std::size_t N> struct TreeCompensationCoefficients {
-  TreeCoefficients<S, N> tree{};            ///< what is compensated
-  TreeDrivesCoefficients<S, N> drives{};    ///< what of it is lost on the way
+  TreeCoefficients<S, N> tree{};            ///< compensated body
+  TreeDrivesCoefficients<S, N> drives{};    ///< losses of the drives
   JointShareCoefficients<S> joint[N]{};     ///< shares of each joint
   WholeTreeParams<S> whole{};               ///< as they are
   TreeGateCoefficients<S, N> gate{};        ///< shut where the parameters make no sense
@@ -268,7 +268,7 @@ bool follow(const TreeCompensationCoefficients<S, N>& c, TreeCompensationState<S
   return known;
 }
 
-/// What of the wanted efforts the gate lets through.
+/// Efforts after the gate.
 template <class S, std::size_t N>
 TreeCommand<S, N> pass_gate(const TreeCompensationCoefficients<S, N>& c, TreeCompensationState<S, N>& s,
                             const TreeSamples<S, N>& samples, const S* wanted, const S* v) noexcept {

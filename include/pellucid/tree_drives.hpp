@@ -15,7 +15,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// What loses effort at one joint.
+/// Losses at one joint.
 template <class S> struct TreeJointParams {
   S offset{};
   FrictionParams<S> friction{};      ///< friction of the joint and whatever turns with it alone
@@ -34,7 +34,7 @@ template <class S> struct TreeMotorParams {
   FrictionParams<S> friction{};  ///< at the motor
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.inertia, {"motor_inertia", unit::inertia, at_least(0), "J_m, beside the rotors of joints"});
+    visit(p.inertia, {"motor_inertia", unit::inertia, at_least(0), "J_m, in addition to the rotors of joints"});
     pellucid::walk(p.friction, visit);
   }
 };
@@ -47,19 +47,19 @@ template <class S, std::size_t N> struct TreeDrivesParams {
   TreeMotorParams<S> motor[N]{};
 };
 
-/// What follows from TreeJointParams once.
+/// Coefficients computed once from TreeJointParams.
 template <class S> struct TreeJointCoefficients {
   S offset{};                            ///< [N m]
   FrictionCoefficients<S> friction{};    ///< at the joint
   PreslidingCoefficients<S> presliding;  ///< presliding of that friction
 };
-/// What follows from TreeMotorParams once.
+/// Coefficients computed once from TreeMotorParams.
 template <class S> struct TreeMotorCoefficients {
   S inertia{};                         ///< J_m [kg m^2]
   FrictionCoefficients<S> friction{};  ///< at the motor
 };
 
-/// What follows from TreeDrivesParams once.
+/// Coefficients computed once from TreeDrivesParams.
 template <class S, std::size_t N> struct TreeDrivesCoefficients {
   TreeJointCoefficients<S> joint[N];  ///< coefficients of each coordinate
   TreeMotorCoefficients<S> motor[N];  ///< coefficients of each motor, where motors are coupled
@@ -138,7 +138,7 @@ void joint_effort(const TreeDrivesCoefficients<S, N>& c, std::size_t n, const S*
     for (std::size_t i = 0; c.coupled && i < n; ++i) effort[k] = effort[k] + c.turns[i][k] * of_motors[i];
   }
 }
-/// What motors must give so that joints feel an effort.
+/// Efforts of motors that produce given efforts at the joints.
 template <class S, std::size_t N>
 void motor_effort(const TreeDrivesCoefficients<S, N>& c, std::size_t n, const S* effort, S* of_motors) noexcept {
   for (std::size_t i = 0; i < n; ++i) {

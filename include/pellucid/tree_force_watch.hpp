@@ -22,7 +22,8 @@ template <class S> struct TreeForceWatchParams {
     scale = wearer_torque;
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.slow, {"residual_slow", unit::rate, above(0), "of what counts as lasting; times the period below a half"});
+    visit(p.slow, {"residual_slow", unit::rate, above(0),
+                   "rate of the low-pass that defines a lasting difference; times the period below a half"});
     visit(p.wearer_torque, {"wearer_torque", unit::effort, above(0).or_infinite(),
                             "the most that a wearer gives lastingly, beyond friction; infinite: not checked"});
     visit(p.tolerance, {"force_tolerance", unit::effort, above(0).or_infinite(),
@@ -34,7 +35,7 @@ template <class S> struct TreeForceWatchParams {
   }
 };
 
-/// What follows from TreeForceWatchParams, the observer's bandwidth and the period of the watch once.
+/// Coefficients computed once from TreeForceWatchParams, the observer's bandwidth and the period of the watch.
 template <class S> struct TreeForceWatchCoefficients {
   TreeForceWatchParams<S> params{};  ///< as they are
   S following{};                     ///< share of a new force in what is as late as the residual [1]

@@ -10,7 +10,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// What follows from the limits of each joint and of the whole once.
+/// Coefficients computed once from the limits of each joint and of the whole.
 template <class S, std::size_t N> struct TreeGateCoefficients {
   std::size_t joints = 0;            ///< how many
   SafetyCoefficients<S> joint[N]{};  ///< gate of each joint
@@ -38,7 +38,7 @@ template <class S, std::size_t N> struct TreeGateState {
   TreeFault fault{};        ///< latched
   S output[N]{};            ///< the last ones [N m; N]
   S position[N]{};          ///< the last ones that were numbers [rad; m]
-  SampleState sample[N]{};  ///< what is remembered of each encoder's samples
+  SampleState sample[N]{};  ///< state of each encoder's samples
 };
 
 /// Opens a gate again; outputs go on from where they are, within their rate limits.
@@ -55,7 +55,7 @@ template <class S, std::size_t N> void fade(const TreeGateCoefficients<S, N>& c,
   for (std::size_t k = 0; k < c.joints; ++k) output[k] = share < S(1) ? output[k] - share * output[k] : S(0);
 }
 
-/// What a stop of joint k leaves of an effort at a position.
+/// Effort that a stop of joint k allows at a position.
 template <class S>
 S before_stop(const SafetyCoefficients<S>& c, const S& position, const S& effort) noexcept {
   const S limit = c.params.effort_limit;

@@ -31,7 +31,7 @@ template <class S, std::size_t N> struct TreeSamples {
   WrenchSample<S> wrench{};    ///< the wearer's on a link, at a wrist or a cuff
 };
 
-/// What goes to the drives.
+/// Commands to the drives.
 template <class S, std::size_t N> struct TreeCommand {
   S effort[N]{};  ///< effort of each joint [N m; N]
   S drive[N]{};   ///< effort of each motor, gears taken out; the same unless motors turn with several joints
@@ -82,10 +82,10 @@ template <class L> struct TreeController {
 
   typename L::Coefficients law{};   ///< as configured
   typename L::State state{};        ///< state of the law
-  SampleState position[most]{};     ///< what is remembered of encoders
-  SampleState interaction[most]{};  ///< what is remembered of sensors at joints
-  SampleState muscle[most]{};       ///< what is remembered of EMG
-  SampleState wrench{};             ///< what is remembered of the sensor on a link
+  SampleState position[most]{};     ///< state of the encoders
+  SampleState interaction[most]{};  ///< state of the sensors at joints
+  SampleState muscle[most]{};       ///< state of EMG
+  SampleState wrench{};             ///< state of the sensor on a link
   TreeFault fault{};                ///< latched, the first
   std::uint32_t steps = 0;          ///< since it was configured
 };
@@ -120,7 +120,7 @@ template <class S> SafetyFault believe(const SampleRules& rules, SampleState& se
 }
 }  // namespace detail
 
-/// What the law sees of all sensors at the time `now` [us]; a fault of an encoder is latched.
+/// Inputs of the law from all sensors at the time `now` [us]; a fault of an encoder is latched.
 template <class L, class S, std::size_t N>
 TreeSamples<S, N> believed(TreeController<L>& c, const TreeSamples<S, N>& read, std::int64_t now) noexcept {
   TreeSamples<S, N> samples = read;
@@ -174,12 +174,12 @@ TreeSamples<S, N> stamped(TreeController<L>& c, TreeSamples<S, N> read, std::int
   return read;
 }
 
-/// From the next step on efforts ramp to 0.
+/// Ramps efforts to 0 from the next step on.
 template <class L> void stop(TreeController<L>& c) noexcept {
   latch(c, {SafetyFault::stopped, static_cast<std::uint32_t>(c.law.gate.joints)});
 }
 
-/// What was seen of sensors is forgotten, so that clocks may begin anew.
+/// Forgets all samples, so that clocks may restart.
 template <class L> void forget_samples(TreeController<L>& c) noexcept {
   for (std::size_t k = 0; k < TreeController<L>::most; ++k) c.position[k] = c.interaction[k] = c.muscle[k] = {};
   c.wrench = {};

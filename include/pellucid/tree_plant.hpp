@@ -17,16 +17,16 @@ inline namespace PELLUCID_ABI {
 
 template <class S, std::size_t N> struct TreePlantParams {
   TreeParams<S, N> tree{};              ///< bodies
-  TreeDrivesParams<S, N> drives{};      ///< what moves and resists them
+  TreeDrivesParams<S, N> drives{};      ///< drives and friction of the joints
   SeriesElasticParams<S> elastic[N]{};  ///< between each motor's effort and the drives
   S period{};                           ///< period of control [s]
   std::uint32_t substeps = 4;           ///< integration steps per control period, >= 1
 };
 
-/// What follows from TreePlantParams once.
+/// Coefficients computed once from TreePlantParams.
 template <class S, std::size_t N> struct TreePlantCoefficients {
   TreeCoefficients<S, N> tree;              ///< bodies
-  TreeDrivesCoefficients<S, N> drives;      ///< what moves and resists them
+  TreeDrivesCoefficients<S, N> drives;      ///< drives and friction of the joints
   SeriesElasticCoefficients<S> elastic[N];  ///< between each motor's effort and the drives
   bool any_elastic = false;                 ///< whether any motor is behind a spring
   S substep{};                              ///< h [s]
@@ -73,7 +73,7 @@ TreePlantState<S, N> balanced(const TreePlantCoefficients<S, N>& c, const S* q, 
   return state;
 }
 
-/// What a tree is given each period.
+/// Inputs of a tree in each period.
 template <class S, std::size_t N> struct TreePlantInput {
   S effort[N]{};   ///< effort of each motor [N m; N]
   S outside[N]{};  ///< on each joint: people, payloads [N m; N]

@@ -18,7 +18,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// What is watched of one joint, and how it is held.
+/// Checks of one joint, and its damped stop.
 template <class S> struct JointWatchParams {
   EncoderWatchParams<S> encoder{};
   DriveWatchParams<S> drive{};  ///< watch of the joint's motor
@@ -42,10 +42,11 @@ template <class S> struct JointWatchParams {
     pellucid::walk(p.hold, visit);
     visit(p.outside_limit, {"outside_limit", unit::effort, above(0).or_infinite(),
                             "the most that a wearer gives there beyond friction; infinite: not checked"});
-    visit(p.rest_speed, {"rest_speed", unit::velocity, above(0).or_infinite(), "slower, a reset may be granted, or the test at start-up begin"});
+    visit(p.rest_speed, {"rest_speed", unit::velocity, above(0).or_infinite(),
+                         "slower, a reset may be granted, or the test at start-up begin"});
     visit(p.joint_expected, {"joint_expected", unit::one, between(0, 1), "1: there is a second encoder, at the joint"});
     visit(p.joint_tolerance, {"joint_tolerance", unit::coordinate, above(0).or_infinite(),
-                              "by which the two encoders may differ more than at the start"});
+                              "largest change of the difference between the two encoders since the start"});
     pellucid::walk(p.motion, visit);
     auto of_force = prefixed(visit, "force_"), of_muscle = prefixed(visit, "muscle_");
     pellucid::walk(p.force, of_force);
@@ -55,7 +56,7 @@ template <class S> struct JointWatchParams {
   }
 };
 
-/// What is watched of all.
+/// Checks of the whole robot.
 template <class S> struct WholeWatchParams {
   S power = S(std::numeric_limits<S>::infinity()), speed = power, reset_delay = S(1);
   std::uint32_t healthy_samples = 500, degrades = 0, trusts_motion = 0, wrench_expected = 0, wrench_quiet = 50;
@@ -66,22 +67,23 @@ template <class S> struct WholeWatchParams {
                     "of the sum of efforts times raw velocities; infinite: none"});
     visit(p.speed, {"raw_end_speed_limit", Unit{0, 0, 0, "m/s"}, above(0).or_infinite(),
                     "of the law's end point, by raw velocities; infinite: none"});
-    visit(p.reset_delay, {"reset_delay", unit::time, between(0, 60), "from a fault to the earliest reset"});
-    visit(p.healthy_samples, {"healthy_samples", unit::one, at_least(1), "in a row before a reset is granted"});
+    visit(p.reset_delay, {"reset_delay", unit::time, between(0, 60), "time from a fault to the earliest reset"});
+    visit(p.healthy_samples, {"healthy_samples", unit::one, at_least(1),
+                              "consecutive healthy samples before a reset is granted"});
     visit(p.degrades, {"degrades", unit::one, between(0, 1),
                        "1: without force sensors and EMG the law still carries the robot"});
     visit(p.trusts_motion, {"trusts_motion", unit::one, between(0, 1),
                             "1: encoders and drives are checked by instruments of their own, so that a contradiction "
                             "is the force sensor's"});
     visit(p.force_excess, {"force_excess", unit::one, any_number().or_infinite(),
-                           "of the sum of joints' loudness; infinite: not checked"});
+                           "limit of the summed excess of force sensors over joints; infinite: not checked"});
     visit(p.moving, {"moving_speed", unit::velocity, at_least(0), "faster, a force sensor's word must change"});
     visit(p.wrench_expected, {"wrench_expected", unit::one, between(0, 1),
                               "1: the law makes use of the sensor on a link, and it must speak"});
     visit(p.wrench_quiet, {"wrench_quiet_samples", unit::one, at_least(1),
                            "periods in a row without a word of it, or without a change while a joint moves, that are a "
                            "fault"});
-    visit(p.wrench_force, {"wrench_force_range", unit::force, above(0).or_infinite(), "of each force that it can say"});
+    visit(p.wrench_force, {"wrench_force_range", unit::force, above(0).or_infinite(), "range of each measured force"});
     visit(p.wrench_moment, {"wrench_moment_range", Unit{0, 0, 0, "N*m"}, above(0).or_infinite(),
                             "of each moment that it can say"});
   }
@@ -92,7 +94,7 @@ template <class S, std::size_t N> struct TreeSupervisorParams {
   WholeWatchParams<S> whole{};     ///< watches of the whole robot
 };
 
-/// What follows from JointWatchParams, the joint's gate and its friction once.
+/// Coefficients computed once from JointWatchParams, the joint's gate and its friction.
 template <class S> struct JointWatchCoefficients {
   JointWatchParams<S> params{};           ///< as they are
   EncoderWatchCoefficients<S> encoder{};  ///< watch of the raw angle
@@ -140,28 +142,28 @@ TreeSupervisorCoefficients<S, N> coefficients(const TreeSupervisorParams<S, N>& 
   return c;
 }
 
-/// What comes back from drives and operator, beside what the law reads.
+/// Feedback from drives and operator, in addition to the sensors of the law.
 template <class S, std::size_t N> struct TreeFeedback {
   Sample<S> drive[N]{};     ///< the effort that each motor's drive measures [N m; N]
   Sample<S> joint[N]{};     ///< a second encoder of each joint [rad; m]
   std::uint32_t token = 0;  ///< the challenge of a fault, sent back by an operator who asks for a reset
 };
 
-/// What goes to the drives, and what an operator may see.
+/// Commands to the drives, and the state shown to an operator.
 template <class S, std::size_t N> struct TreeSupervisorOutput {
   TreeCommand<S, N> command{};
   bool enable[N]{};                ///< power of each motor; false: its drive must take its power off
   std::uint32_t beat = 0;          ///< counts periods, for the drives' watchdogs
-  std::uint32_t challenge = 0;     ///< what a reset needs as its token; 0 while all is well
+  std::uint32_t challenge = 0;     ///< token that a reset needs; 0 without a fault
   TreeFault fault{};               ///< the first, latched
-  Mode mode = Mode::latched;       ///< what is being done
+  Mode mode = Mode::latched;       ///< present mode
 };
 
 /// One entry of the log.
 struct LoggedTreeFault {
   std::uint32_t step = 0;     ///< period in which it was found
   TreeFault fault{};          ///< what, and where
-  Mode mode = Mode::latched;  ///< what was then done
+  Mode mode = Mode::latched;  ///< mode after the fault
 };
 constexpr SafetyFault code_of(const LoggedTreeFault& entry) noexcept { return entry.fault.fault; }
 
@@ -544,10 +546,10 @@ TreeSamples<S, N> stamped(TreeSupervised<L>& s, const TreeSamples<S, N>& read, s
   return stamped(s.controller, read, now, s.state.steps);
 }
 
-/// From the next step on it stops, whatever it is doing; before a start, from that on.
+/// Stops the law from the next step on in any mode; before a start, from the start on.
 template <class L> void stop(TreeSupervised<L>& s) noexcept { ++s.stops.asked; }
 
-/// What a law reads without its force sensors and EMG.
+/// Inputs of a law without its force sensors and EMG.
 template <class S, std::size_t N> void leave_out_sensors(TreeSamples<S, N>& samples, std::size_t joints) noexcept {
   for (std::size_t k = 0; k < joints; ++k) {
     samples.interaction[k].valid = samples.muscle[k].valid = false;

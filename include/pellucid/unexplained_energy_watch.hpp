@@ -25,13 +25,15 @@ template <class S> struct UnexplainedEnergyParams {
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.limit, {"unexplained_limit", unit::energy, above(0).or_infinite(),
                     "energy that neither command nor force sensor explains; infinite: any"});
-    visit(p.gain, {"unexplained_gain", unit::one, share(), "share of its value by which the force sensor may be wrong"});
-    visit(p.offset, {"unexplained_offset", unit::effort, at_least(0), "offset of force sensor and model that adds no energy"});
-    visit(p.memory, {"unexplained_memory", unit::rate, above(0), "rate at which such energy is forgotten. Times the period below 1"});
+    visit(p.gain, {"unexplained_gain", unit::one, share(), "largest relative error of the force sensor"});
+    visit(p.offset, {"unexplained_offset", unit::effort, at_least(0),
+                     "offset of force sensor and model that adds no energy"});
+    visit(p.memory, {"unexplained_memory", unit::rate, above(0),
+                     "rate at which such energy is forgotten. Times the period below 1"});
   }
 };
 
-/// What follows from UnexplainedEnergyParams and the period once.
+/// Coefficients computed once from UnexplainedEnergyParams and the period.
 template <class S> struct UnexplainedEnergyCoefficients {
   UnexplainedEnergyParams<S> params{};  ///< as they are
   S period{};                           ///< [s]

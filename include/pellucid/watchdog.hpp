@@ -9,9 +9,9 @@ inline namespace PELLUCID_ABI {
 struct Watchdog {
   std::uint32_t beat = 0;    ///< the last one heard
   std::uint32_t silent = 0;  ///< periods since it last changed
-  std::uint32_t check = 0;   ///< what follows from both; where it does not, memory lost a bit
+  std::uint32_t check = 0;   ///< checksum of both; a difference shows corrupted memory
 };
-/// What a watchdog's check must be.
+/// Expected checksum of a watchdog.
 constexpr std::uint32_t check_of(const Watchdog& w) noexcept { return turned(w.beat, 7) ^ w.silent; }
 
 /// One period of the drive: whether it may give power, at the most so many periods after the last beat. Where memory lost

@@ -20,7 +20,7 @@ template <class S> struct WornGearedPlantParams {
   bool worn = true;              ///< false: the limb alone
 };
 
-/// What follows from WornGearedPlantParams once.
+/// Coefficients computed once from WornGearedPlantParams.
 template <class S> struct WornGearedPlantCoefficients {
   GearedPlantCoefficients<S> robot{};  ///< motor, cable, link
   StrapCoefficients<S> strap{};        ///< between link and limb
@@ -40,7 +40,7 @@ template <class S> struct WornGearedPlantState {
   S limb_position{};      ///< [rad]
   S limb_velocity{};      ///< [rad/s]
   S limb_acceleration{};  ///< acceleration of the limb in the last substep [rad/s^2]
-  StrapState<S> strap{};  ///< what the strap remembers
+  StrapState<S> strap{};  ///< state of the strap
   PreslidingState<S> contacts{};  ///< contacts of the motor's friction
 };
 
@@ -52,7 +52,7 @@ WornGearedPlantState<S> balanced(const WornGearedPlantCoefficients<S>& c, const 
   return {robot.motor_position, S(0), link, S(0), position, S(0), S(0), {}, {}};
 }
 
-/// What the strap does to wearer and robot.
+/// Torques of the strap on wearer and robot.
 template <class S>
 StrapPull<S> interaction(const WornGearedPlantCoefficients<S>& c, const WornGearedPlantState<S>& state) noexcept {
   if (!c.worn) return {};

@@ -29,7 +29,7 @@ template <class S, std::size_t N> struct WornTreePlantParams {
   CuffParams<S> cuff[most_cuffs]{};
 };
 
-/// What follows from WornTreePlantParams once.
+/// Coefficients computed once from WornTreePlantParams.
 template <class S, std::size_t N> struct WornTreePlantCoefficients {
   TreePlantCoefficients<S, N> robot;       ///< robot over one substep
   TreePlantCoefficients<S, N> limb;        ///< limb over one substep
@@ -92,7 +92,7 @@ template <class S, std::size_t N> void balance(const WornTreePlantCoefficients<S
   if (c.worn) state.limb = balanced(c.limb, limb, none);
 }
 
-/// What both are given each period.
+/// Inputs of both in each period.
 template <class S, std::size_t N> struct WornTreePlantInput {
   S effort[N]{};           ///< asked of each drive [N m; N]
   S wanted[N]{};           ///< where each joint of the limb is meant to be [rad]
@@ -100,7 +100,7 @@ template <class S, std::size_t N> struct WornTreePlantInput {
   S learnt[N]{};           ///< torque that the person has learnt to give [N m]
 };
 
-/// What cuffs do.
+/// Torques and forces of cuffs.
 template <class S, std::size_t N> struct CuffAction {
   S robot[N];                   ///< effort on each coordinate of the robot [N m; N]
   S limb[N];                    ///< on each of the limb
