@@ -122,6 +122,7 @@ def test_a_finding_that_the_figures_are_wrong_comes_first_and_ends_with_a_reason
         (Basis(7, 7, judged="2 held-out recordings", is_simulated=True),
          "Based on 7 recordings, simulated; numbers are of 2 held-out recordings."),
         (Basis(1, 1, "participant"), "Based on 1 participant, measured."),
+        (Basis(2, 2, "model card", is_simulated=None), "Based on 2 model cards, measured or simulated."),
     ],
 )  # fmt: skip
 def test_what_an_answer_is_based_on_counts_what_was_used(basis, said):

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 import pellucid as pl
 from pellucid.cli import app
+from pellucid.emg.study.emg_files import audit_emg
 from pellucid.files.log import VERDICT_WORDS
 from pellucid.files.quantity import joint_words, quantity_of
 from pellucid.study.procedures.audit_page import audited_channels, write_audit_page
@@ -288,3 +289,12 @@ def test_the_figure_of_an_unsound_channel_is_of_a_file_with_its_verdict(tmp_path
     assert {name for name, _ in torque.findings} == {"dead.csv", "cut.csv"}
     for verdict, name, _, _ in audited_channels(found):
         assert verdict.verdict in {VERDICT_WORDS[f.kind] for file, f in verdict.findings if file == name}
+
+
+def test_the_audit_of_emg_counts_the_files_that_have_emg(tmp_path):
+    """It was based on all nine files of a study of which three have EMG."""
+    log = clean_log()
+    without = {name: samples for name, samples in log.items() if "EMG" not in name}
+    found = audit_emg([written(tmp_path, log, "emg.csv"), written(tmp_path, without, "motion.csv")])
+    assert [file.name for file in found.files] == ["emg.csv"]
+    assert found.answer.basis.sentence == "Based on 1 file, measured."
