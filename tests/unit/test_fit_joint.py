@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid._errors import PellucidError
+from pellucid._errors import IdentificationError, PellucidError
 from pellucid.models.card import read_card, write_card
 
 T = np.arange(0.0, 30.0, 0.005)
@@ -69,14 +69,36 @@ def test_its_card_is_read_again(fit, tmp_path):
     assert card.processing.startswith("zero-phase Butterworth low-pass, order 4, 10 Hz")
 
 
-def test_known_values_and_bodies_that_can_exist(recorded):
+def test_known_values(recorded):
     q, effort = recorded
     held = pl.fit_joint(T, q, effort, lowpass=10.0, decimate=5, known={"gravity": 1.5})
     assert "gravity" not in held
     assert held["inertia"].value == pytest.approx(0.05, rel=0.01)
-    light = pl.fit_joint(T, q, effort, lowpass=10.0, decimate=5, moving_mass=0.2)
+    every = dict(inertia=0.05, gravity=1.5, viscous=0.08, coulomb=0.3, offset=0.0)
+    with pytest.raises(IdentificationError, match="known: found every parameter of a joint with symmetric friction"):
+        pl.fit_joint(T, q, effort, lowpass=10.0, decimate=5, known=every)
+
+
+def test_a_moving_mass_that_the_recordings_contradict_is_refused(recorded):
+    """With 1.5 N m and 0.05 kg m^2, no body is lighter than 0.47 kg. Enforced, 0.2 kg would falsify gravity."""
+    q, effort = recorded
+    with pytest.raises(IdentificationError, match=r"moving_mass: found 0\.2 kg, expected at least 0\.46\d kg: .*correct"):
+        pl.fit_joint(T, q, effort, lowpass=10.0, decimate=5, thorough=False, moving_mass=0.2)
+    sound = pl.fit_joint(T, q, effort, lowpass=10.0, decimate=5, thorough=False, moving_mass=0.5)
+    low, high = sound["gravity"].interval(0.95)
+    assert low <= 1.5 <= high
+
+
+def test_a_moving_mass_bounds_an_inertia_that_noise_leaves_open(recorded):
+    q, effort = recorded
+    mass, noise = 0.45, 3.0 * np.random.default_rng(2).standard_normal(len(T))
+    free, light = (
+        pl.fit_joint(T, q, effort + noise, lowpass=10.0, decimate=5, thorough=False, **limit)
+        for limit in ({}, {"moving_mass": mass})
+    )
+    assert free["inertia"].value < free["gravity"].value ** 2 / (mass * 9.80665**2)
     assert light["inertia"].at_bound
-    assert "0.2 kg" in str(light)
+    assert "0.45 kg" in str(light)
 
 
 @pytest.mark.parametrize(

@@ -150,11 +150,11 @@ def test_check_finds_nothing_wrong_with_a_sound_study(virtual):
 
 
 def test_a_moving_mass_bounds_the_inertia_and_the_note_says_so(virtual, tmp_path):
-    study = edited(virtual, tmp_path / "s", ('motion = "rotary"', 'motion = "rotary"\nmoving_mass = "1 kg"'))
+    study = edited(virtual, tmp_path / "s", ('motion = "rotary"', 'motion = "rotary"\nmoving_mass = "1.12 kg"'))
     found = identify(study, families=["symmetric"], thorough=False).families["symmetric"]
     assert found["inertia"].at_bound
-    assert found["inertia"].value == pytest.approx((found["gravity"].value / 9.80665) ** 2, rel=1e-6)
-    assert any("1 kg" in note for note in found.estimate.notes)
+    assert found["inertia"].value == pytest.approx((found["gravity"].value / 9.80665) ** 2 / 1.12, rel=1e-6)
+    assert any("1.12 kg" in note for note in found.estimate.notes)
 
 
 def test_without_a_torque_constant_results_stay_per_ampere(virtual, tmp_path, fit):

@@ -29,7 +29,12 @@ from .friction_solver import (
 )
 from .headline_choice import HeadlineChoice
 from .joint_estimate import JointEstimate, make_estimate, widen_for_others
-from .recording_agreement import enforce_pseudo_inertia, is_pseudo_inertia_bounded, least_inertia
+from .recording_agreement import (
+    enforce_pseudo_inertia,
+    is_pseudo_inertia_bounded,
+    least_inertia,
+    require_possible_mass,
+)
 from .replay import (
     Machine,
     Prediction,
@@ -223,7 +228,8 @@ def fit_family(
 ) -> SolvedFamily:
     """Fit a `model` to `data`, and predict and simulate `everything` that a `machine` recorded.
 
-    Intervals are at `level`. The body has at most `moving_mass` [kg]. A `thorough` fit adds weighted, robust and
+    Intervals are at `level`. The body has at most `moving_mass` [kg], unless the data contradict it: that is an error.
+    A `thorough` fit adds weighted, robust and
     closed-loop methods. Held-out motions are predicted and simulated, and reach nothing else. For hours of data an
     `excerpt`, described by `said`, is used by all methods but least squares, which only starts from it.
     """
@@ -235,7 +241,9 @@ def fit_family(
     free = start = solve_family(model, part)
     note: tuple[str, ...] = ()
     first = solve_from_part(model, data, start) if said else start
-    if moving_mass is not None:
+    if moving_mass is not None and is_pseudo_inertia_bounded(model):
+        unlimited = make_estimate(model, data, first, "ls", level=level)
+        require_possible_mass(model, unlimited.array, unlimited.covariance, moving_mass, level)
         first, note = enforce_pseudo_inertia(model, data, first, moving_mass)
         start = enforce_pseudo_inertia(model, part, start, moving_mass)[0] if said else first
     estimate = make_estimate(model, data, first, "ls", note, level=level)

@@ -28,6 +28,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..._errors import IdentificationError
 from ...models.joint import GRAVITY, SYMBOLS_BY_NAME, JointModel
 from ...numerics.block_test import MIN_IMPROVEMENT, compare_held_out
 from ...numerics.motion import Motion
@@ -82,7 +83,7 @@ def has_free_gravity(model: JointModel) -> bool:
 
 def with_free_zero(model: JointModel) -> JointModel:
     """Return the model with both terms of gravity free."""
-    free = tuple(SYMBOLS_BY_NAME[n] for n in ("gravity", "gravity_cosine"))
+    free = tuple(SYMBOLS_BY_NAME[n] for n in GRAVITY_NAMES)
     rest = tuple(s for s in model.symbols if s not in free)
     return replace(model, symbols=(rest[0], *free, *rest[1:]))
 
@@ -538,14 +539,47 @@ RELINEARISATION_COUNT = 4
 """Number of relinearisations of a nonlinear model. A model that is linear in its parameters needs one."""
 
 
+class StatedValueError(IdentificationError):
+    """A value that is stated of the joint contradicts its recordings, or leaves nothing to estimate."""
+
+
+GRAVITY_NAMES = ("gravity", "gravity_cosine")
+"""Parameters whose root sum of squares is the gravity torque."""
+
+
 def least_inertia(model: JointModel, values: np.ndarray, mass: float) -> float:
     """Return the smallest inertia about the axis that a body with the model's gravity can have [kg*m^2].
 
     `values` has shape (p,); `mass` is the moving mass [kg].
     """
     free = dict(zip(model.names, values, strict=True))
-    amplitude2 = sum(free.get(n, model.known.get(n, 0.0)) ** 2 for n in ("gravity", "gravity_cosine"))
+    amplitude2 = sum(free.get(n, model.known.get(n, 0.0)) ** 2 for n in GRAVITY_NAMES)
     return float(amplitude2 / (mass * GRAVITY**2))
+
+
+def require_possible_mass(
+    model: JointModel, values: np.ndarray, covariance: np.ndarray, mass: float, level: float
+) -> None:
+    """Refuse a moving `mass` [kg] that an estimate without this limit contradicts.
+
+    `values`, (p,), and `covariance`, (p, p), are those of the estimate. A body with that mass and gravity must have an
+    inertia that exceeds the estimated one by more than the interval of their difference at `level`. A limit that is
+    enforced all the same falsifies gravity and friction.
+    """
+    from scipy.special import ndtri  # takes a third of a second to load
+
+    at, least = model.names.index("inertia"), least_inertia(model, values, mass)
+    slope = np.array([-2.0 * v / (mass * GRAVITY**2) if n in GRAVITY_NAMES else 0.0 for n, v in zip(model.names, values)])
+    slope[at] = 1.0
+    missing = least - values[at]
+    if missing <= float(ndtri(0.5 + 0.5 * level)) * np.sqrt(slope @ covariance @ slope):
+        return
+    expected = f"at least {mass * least / values[at]:.3g} kg" if values[at] > 0.0 else "a larger one"
+    raise StatedValueError(
+        f"moving_mass: found {mass:g} kg, expected {expected}: with the estimated gravity of "
+        f"{np.sqrt(least * mass) * GRAVITY:.3g} N*m, a body of {mass:g} kg has an inertia of at least {least:.3g} kg*m^2,"
+        f" and the recordings show {values[at]:.3g} kg*m^2; correct the mass, or the drive's gear ratio or constant"
+    )
 
 
 def is_pseudo_inertia_bounded(model: JointModel) -> bool:

@@ -22,6 +22,7 @@ from ...study.quality import DRIVE_CHANNELS
 from ...study.recorded_motions import carries_unknown_payload, command_of, drive_model, motions_of
 from ...study.study import Study
 from ..fit.drive_delay import estimate_drive_delay
+from ..fit.recording_agreement import StatedValueError
 from .joint_case import is_worn
 
 MAX_SAMPLES = 200_000
@@ -52,7 +53,10 @@ CLOCK_SEARCH = ClockSearch()
 
 
 def simple_model(study: Study) -> JointModel:
-    """Return the model with symmetric friction; payloads are part of the joint if the drive constant is unknown."""
+    """Return the model with symmetric friction; payloads are part of the joint if the drive constant is unknown.
+
+    It is an error if every parameter of it is known.
+    """
     unit = drive_model(study.rig).effort_unit
     made = joint_model(
         "symmetric",
@@ -61,6 +65,11 @@ def simple_model(study: Study) -> JointModel:
         gravity=study.model.gravity,
         known=study.model.known,
     )
+    if not made.names:
+        raise StatedValueError(
+            f"known: found every parameter of a joint with symmetric friction ({', '.join(study.model.known)}), expected "
+            "at least one that is to be estimated"
+        )
     return replace(made, payload_scale=1.0 if unit in ("N*m", "N") else 0.0)
 
 

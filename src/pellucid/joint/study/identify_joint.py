@@ -32,7 +32,7 @@ from ..fit.replay import Machine, joint_posterior
 from ..fit.slip_direction import DirectionChoice, choose_direction
 from ..fit.unknown_payload import UnknownPayload, estimate_payload
 from . import joint_findings
-from .aligned_motions import align_recordings, require_clocks
+from .aligned_motions import align_recordings, require_clocks, simple_model
 from .joint_case import JointCase
 from .joint_causes import causes_of
 from .joint_faults import require_sign, require_velocity
@@ -93,6 +93,7 @@ def identify_joint(
         require_sound(recording, study)
     require_live_effort(study)
     require_velocity(study)
+    simple_model(study)  # requires something to estimate
     require_clocks(study)
     steps.begin("filtering")
     every_one = align_recordings(study)

@@ -60,6 +60,7 @@ def run(
 ) -> JointResult | PostureResult | SpringResult:
     """Identify a moving joint, a held one, or a locked spring."""
     from ..._errors import IdentificationError
+    from ..fit.recording_agreement import StatedValueError
     from .held_joint import is_held_throughout, is_locked_spring, spring_advice
 
     if is_locked_spring(study):
@@ -74,6 +75,8 @@ def run(
         from .identify_joint import identify_joint
 
         return identify_joint(study, tell, families=families, thorough=thorough)
+    except StatedValueError:
+        raise  # whatever the joint is, the stated value is wrong
     except IdentificationError as error:
         advice = spring_advice(study)
         if not advice:
