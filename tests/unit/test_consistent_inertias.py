@@ -29,6 +29,7 @@ from pellucid.arm.fit.inertia_prior import (
     entropic_solver,
     fit_consistent,
     guessed_bodies,
+    log_determinant,
     make_prior,
     solve_with_prior,
 )
@@ -53,6 +54,16 @@ def test_the_pseudo_inertia_tells_bodies_from_numbers():
     odd = Link.about_centre("odd", 1.0, (0.0, 0.0, 0.0), (0.01, 0.0, 0.0, 0.01, 0.0, 0.03))
     assert least_eigenvalue(BAR.numbers) > 0.0
     assert least_eigenvalue(odd.numbers) < -1e-12
+
+
+def test_a_body_too_near_a_plane_to_have_an_inverse_is_outside():
+    """A search that stops there would fail, since rounding decides whether its matrix has an inverse."""
+    solid = pseudo_inertia(BAR.numbers)
+    flat = np.diag([1.0, 1e-9, 1.0, 1.0]) @ solid @ np.diag([1.0, 1e-9, 1.0, 1.0])
+    margin = flat - reduced_pseudo_inertia(bodies_from_pseudo_inertia(flat))
+    bodies = bodies_from_pseudo_inertia(np.array([solid, flat + (1.0 + 1e-16) * margin]))
+    assert np.isfinite(log_determinant(bodies[:1]))
+    assert log_determinant(bodies) == -np.inf
 
 
 def drawn_sums(rng, truth, rows=40, noise=0.0):

@@ -5,7 +5,7 @@ A robot some of whose joints are held: they become welds, at the place where the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -46,6 +46,25 @@ class CarriedPayload(Protocol):
         """Centre of the mass in the link's frame [m], None if it is unknown."""
 
 
+@dataclass(frozen=True, eq=False)
+class RecordedSpeeds:
+    """Speeds at the rate of a recording, and the filter of its effort.
+
+    Friction jumps where a joint turns. The low-pass of the effort rounds these jumps, so the model's friction passes
+    the same filter before rows are taken.
+    """
+
+    velocity: np.ndarray  # (N, m) [rad/s; m/s]
+    rate: float  # [Hz]
+    filtering: Filtering  # that of the effort
+    inner: slice  # samples that are kept at the recorded rate
+    thinning: Filtering  # its decimation makes rows of them
+
+    def rows(self, friction: np.ndarray) -> np.ndarray:
+        """Return the rows, (n,), of friction at the recorded rate, (N,)."""
+        return _thinned(lowpassed(friction, self.rate, self.filtering)[self.inner], self.rate, self.thinning)
+
+
 @dataclass(frozen=True)
 class TreeMotion:
     """Rows of one uninterrupted stretch of a recording; n rows, m joints in the order of the robot's coordinates."""
@@ -72,6 +91,13 @@ class TreeMotion:
     desired: np.ndarray | None = None  # (n, m) the controller's own rigid-body effort, where it was recorded [N m; N]
     desired_drive: np.ndarray | None = None  # (n, m) the drive that the controller asked for, in the drive's unit
     rate: float = float("nan")  # rate of the rows [Hz]
+    recorded: RecordedSpeeds | None = None  # None where the rows are all there is
+
+    def friction(self, law: Callable[[np.ndarray], np.ndarray], turn: np.ndarray) -> np.ndarray:
+        """Return friction of a `law` of the speed velocity @ `turn`, filtered as the effort is, in all rows, (n,)."""
+        if self.recorded is None:
+            return law(self.velocity @ turn)
+        return self.recorded.rows(law(self.recorded.velocity @ turn))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -128,6 +154,7 @@ def tree_motion_of(
     except ValueError as error:
         raise RecordingError(str(error)) from None
     inner = slice(filtering.trim, len(time) - filtering.trim)
+    recorded = None if of_effort.lowpass is None else RecordedSpeeds(v, rate, of_effort, inner, filtering)
     q, v, a, u = (_thinned(x[inner], rate, filtering) for x in (q, v, a, u))
     wanted, asked = (None if x is None else _thinned(x[inner], rate, filtering) for x in (wanted, asked))
     kept = time[inner][:: filtering.decimate]
@@ -150,6 +177,7 @@ def tree_motion_of(
         desired=wanted,
         desired_drive=asked,
         rate=rate / filtering.decimate,
+        recorded=recorded,
         **more,
     )
 

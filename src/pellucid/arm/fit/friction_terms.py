@@ -28,6 +28,7 @@ from ...models.friction_terms import (
     FrictionTerm,
     grows_with_load,
 )
+from ..tree_motion import TreeMotion
 
 PLAIN_TERMS = ("viscous", "coulomb", "offset")
 """Friction terms of every joint."""
@@ -58,12 +59,22 @@ class FrictionCoefficient:
     upper: float = np.inf  # largest physical value
     targets: tuple[str, ...] = ()  # numbers of the core that take its value; empty: the one of the same name
     grows_with_load: bool = False  # whether its column is multiplied by |y| where it is used
+    is_linear: bool = False  # whether a filter of the speed is a filter of the column
 
     @classmethod
-    def from_term(cls, term: FrictionTerm, column: Column, **bounds: float) -> FrictionCoefficient:
+    def from_term(
+        cls, term: FrictionTerm, column: Column, *, upper: float = np.inf, is_linear: bool = False
+    ) -> FrictionCoefficient:
         """Return the coefficient of a term of the catalogue, with its unit, its numbers and what it resists by."""
         unit = term.unit("rotary", "N*m"), term.unit("prismatic", "N")
-        return cls(column, unit, **bounds, targets=term.targets, grows_with_load=grows_with_load(term.name))
+        grows = grows_with_load(term.name)
+        return cls(column, unit, upper=upper, targets=term.targets, grows_with_load=grows, is_linear=is_linear)
+
+    def rows(self, motion: TreeMotion, turn: np.ndarray, width: float, speed: float) -> np.ndarray:
+        """Return the column, (n,), of the speed velocity @ `turn` of a motion, filtered as its effort is."""
+        if self.is_linear:
+            return self.column(motion.velocity @ turn, width, speed)
+        return motion.friction(lambda v: self.column(v, width, speed), turn)
 
 
 def smooth_sign(velocity: np.ndarray, width: float = 0.0) -> np.ndarray:
@@ -83,11 +94,11 @@ ROTOR_INERTIA_UNITS = ("kg*m^2", "kg")
 """Units of a rotor inertia, for a rotary and a prismatic joint."""
 
 FRICTION_COEFFICIENTS: Mapping[str, FrictionCoefficient] = {
-    VISCOUS_FRICTION.name: FrictionCoefficient.from_term(VISCOUS_FRICTION, lambda v, w, _: v),
+    VISCOUS_FRICTION.name: FrictionCoefficient.from_term(VISCOUS_FRICTION, lambda v, w, _: v, is_linear=True),
     VISCOUS_POSITIVE.name: FrictionCoefficient.from_term(VISCOUS_POSITIVE, lambda v, w, _: np.maximum(v, 0.0)),
     VISCOUS_NEGATIVE.name: FrictionCoefficient.from_term(VISCOUS_NEGATIVE, lambda v, w, _: np.minimum(v, 0.0)),
     COULOMB_FRICTION.name: FrictionCoefficient.from_term(COULOMB_FRICTION, lambda v, w, _: smooth_sign(v, w)),
-    "offset": FrictionCoefficient(lambda v, w, _: np.ones_like(v), EFFORT_UNITS, lower=-np.inf),
+    "offset": FrictionCoefficient(lambda v, w, _: np.ones_like(v), EFFORT_UNITS, lower=-np.inf, is_linear=True),
     SQUARE_ROOT.name: FrictionCoefficient.from_term(SQUARE_ROOT, lambda v, w, _: signed_root(v, w)),
     STRIBECK_FRICTION.name: FrictionCoefficient.from_term(
         STRIBECK_FRICTION, lambda v, w, speed: np.exp(-((v / speed) ** 2)) * smooth_sign(v, w)
@@ -148,12 +159,32 @@ def sum_friction(
     numbers: Mapping[str, float], velocity: np.ndarray, load: np.ndarray | None, width: float = 0.0
 ) -> np.ndarray:
     """Return the friction, (n,), of named coefficients at velocities and loads of shape (n,)."""
-    total: np.ndarray = np.zeros_like(velocity)
+    return _sum_columns(numbers, lambda each, speed: each.column(velocity, width, speed), load, len(velocity))
+
+
+def sum_filtered_friction(
+    numbers: Mapping[str, float], motion: TreeMotion, turn: np.ndarray, load: np.ndarray | None, width: float = 0.0
+) -> np.ndarray:
+    """Return the friction, (n,), of named coefficients at the speed velocity @ `turn`, filtered as the effort is.
+
+    `load` has the rows of the `motion`, (n,).
+    """
+    return _sum_columns(numbers, lambda each, speed: each.rows(motion, turn, width, speed), load, len(motion))
+
+
+def _sum_columns(
+    numbers: Mapping[str, float],
+    column: Callable[[FrictionCoefficient, float], np.ndarray],
+    load: np.ndarray | None,
+    count: int,
+) -> np.ndarray:
+    """Return the sum, (count,), of coefficients times their columns, which are made for each Stribeck velocity."""
+    total: np.ndarray = np.zeros(count)
     for name, value in numbers.items():
         if name == STRIBECK_VELOCITY_NAME:
             continue
         coefficient = FRICTION_COEFFICIENTS[name]
-        part = value * coefficient.column(velocity, width, numbers.get(STRIBECK_VELOCITY_NAME, np.nan))
+        part = value * column(coefficient, numbers.get(STRIBECK_VELOCITY_NAME, np.nan))
         if coefficient.grows_with_load:
             if load is None:
                 raise ValueError(f"{name}: found no load, expected one of each velocity")

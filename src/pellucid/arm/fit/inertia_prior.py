@@ -63,6 +63,9 @@ from .tree_regression import NormalEquations, TreeModel, TreeRows, TreeSolution,
 class PriorSettings:
     """Settings of the fit with a prior."""
 
+    # A body counts as outside if what the others leave of a diagonal element of its pseudo-inertia is a smaller share of
+    # it. Rounding decides whether a matrix closer to singular has an inverse.
+    min_pivot_share: float = 1e-12
     max_newton_steps: int = 100  # largest number of Newton steps
     decrement_tolerance: float = 1e-5  # Newton steps stop when the decrement is at most this share of the weight
     # Least weight as a share of the weighted sum of squared efforts, so that rounding does not decide instead.
@@ -234,11 +237,7 @@ def _minimise_entropic(
         low, high = x[below] - lowest[below], highest[above] - x[above]
         if np.any(low <= 0.0) or np.any(high <= 0.0):
             return np.inf
-        try:
-            factors = np.linalg.cholesky(reduced_pseudo_inertia(x[:k].reshape(-1, BODY_PARAMETER_COUNT)))
-        except np.linalg.LinAlgError:
-            return np.inf
-        log = 2.0 * np.log(np.diagonal(factors, axis1=1, axis2=2)).sum()
+        log = log_determinant(x[:k].reshape(-1, BODY_PARAMETER_COUNT))
         edges = np.log(low).sum() + np.log(high).sum()
         return float(0.5 * x @ normal @ x - projected @ x + 0.5 * weight * (pull @ x[:k] - log) - push * edges)
 
@@ -269,6 +268,18 @@ def _minimise_entropic(
         np.zeros(len(bodies), bool),
         np.minimum(theta - lowest, highest - theta) < room,
     )
+
+
+def log_determinant(bodies: np.ndarray) -> float:
+    """Return the sum of the log determinants of `bodies`, (links, 10); minus infinity if one is, or nearly is, none."""
+    matrices = reduced_pseudo_inertia(bodies)
+    try:
+        pivots = np.diagonal(np.linalg.cholesky(matrices), axis1=1, axis2=2)
+    except np.linalg.LinAlgError:
+        return -np.inf
+    if np.any(pivots**2 < PRIOR_SETTINGS.min_pivot_share * np.diagonal(matrices, axis1=1, axis2=2)):
+        return -np.inf
+    return float(2.0 * np.log(pivots).sum())
 
 
 def _log_determinant_slopes(values: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -35,7 +35,7 @@ from .friction_terms import (
     coefficient_names,
     joint_core_parameters,
     motor_core_parameters,
-    sum_friction,
+    sum_filtered_friction,
 )
 
 if TYPE_CHECKING:
@@ -308,10 +308,11 @@ class TreeEstimate(NamedEstimates):
         turns = np.asarray(self.robot.turns)
         y = self.load(motion)
         made = y.copy()
+        width, own = self.velocity_width, np.eye(y.shape[1])
         for k in range(y.shape[1]):
-            made[:, k] += sum_friction(self.joint_numbers(k), motion.velocity[:, k], y[:, k], self.velocity_width)
+            made[:, k] += sum_filtered_friction(self.joint_numbers(k), motion, own[k], y[:, k], width)
         for i in self.robot.shared:
-            lost = sum_friction(self.joint_numbers(i, True), motion.velocity @ turns[i], None, self.velocity_width)
+            lost = sum_filtered_friction(self.joint_numbers(i, True), motion, turns[i], None, width)
             made += np.outer(lost, turns[i])
         for each in self.ripples:
             made += np.outer(each.effort(motion.position @ turns[each.motor]), turns[each.motor])

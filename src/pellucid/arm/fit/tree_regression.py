@@ -15,14 +15,14 @@ sum of a few small matrices.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.friction_terms import LOAD_FEATURE, STRIBECK_FRICTION
+from ...models.friction_terms import COULOMB_FRICTION, LOAD_FEATURE, STRIBECK_FRICTION
 from ...models.robot import Robot
 from ...numerics.regression import least_squares_within
 from ..tree_motion import TreeMotion
@@ -32,7 +32,6 @@ from .friction_terms import (
     ROTOR_INERTIA_UNITS,
     check_families,
     coefficient_names,
-    smooth_sign,
 )
 from .tree_estimate import BaseParameters, Ripple, find_base_parameters, rigid_columns
 
@@ -55,6 +54,15 @@ class RegressionSettings:
 REGRESSION_SETTINGS = RegressionSettings()
 
 
+class FrictionPart(NamedTuple):
+    """A friction coefficient of a joint or of a motor."""
+
+    joint: int  # index of the joint, or of the motor
+    of_motor: bool  # whether it belongs to the motor
+    number: str  # name of the coefficient in `FRICTION_COEFFICIENTS`
+    speed: float = float("nan")  # Stribeck velocity of a Stribeck term [rad/s; m/s]
+
+
 @dataclass(frozen=True, eq=False)
 class TreeRows:
     """Rows of all recordings, stacked: N rows, m joints, r base parameters."""
@@ -71,6 +79,8 @@ class TreeRows:
     rigid: np.ndarray  # regressor of the base parameters, (N, m, r)
     turned: np.ndarray  # angles of the motors, (N, m) [rad; m]
     turning: np.ndarray  # speeds of the motors, (N, m) [rad/s; m/s]
+    motions: tuple[TreeMotion, ...]  # their rows follow each other, N in all
+    made: dict[tuple[FrictionPart, float], np.ndarray] = field(default_factory=dict)  # columns of friction so far
 
     @property
     def segments(self) -> int:
@@ -80,6 +90,15 @@ class TreeRows:
     def only(self, segments: Sequence[int]) -> TreeRows:
         """Return the rows with only those of these segments counting."""
         return replace(self, used=self.used & np.isin(self.segment, segments)[:, None])
+
+    def friction(self, part: FrictionPart) -> np.ndarray:
+        """Return the column of a friction coefficient in all rows, (N,), filtered as the effort is, without the load."""
+        key = part, self.width
+        if key not in self.made:
+            turn = np.asarray(self.robot.turns)[part.joint] if part.of_motor else np.eye(len(self.robot.names))[part.joint]
+            law = FRICTION_COEFFICIENTS[part.number]
+            self.made[key] = np.concatenate([law.rows(x, turn, self.width, part.speed) for x in self.motions])
+        return self.made[key]
 
     @cached_property
     def lines(self) -> tuple[np.ndarray, ...]:
@@ -138,16 +157,8 @@ def collect_rows(
         rigid=rigid_columns(robot, q, v, a)[:, :, base.chosen],
         turned=q @ turns.T,
         turning=v @ turns.T,
+        motions=tuple(motions),
     )
-
-
-class FrictionPart(NamedTuple):
-    """A friction coefficient of a joint or of a motor."""
-
-    joint: int  # index of the joint, or of the motor
-    of_motor: bool  # whether it belongs to the motor
-    number: str  # name of the coefficient in `FRICTION_COEFFICIENTS`
-    speed: float = float("nan")  # Stribeck velocity of a Stribeck term [rad/s; m/s]
 
 
 @dataclass(frozen=True)
@@ -256,20 +267,20 @@ def linearise_rows(
     r, turns = len(model.base.names), np.asarray(rows.robot.turns)
     places, columns, targets = [], [], []
     for j, (lines, bodies) in enumerate(zip(rows.lines, rows.bodies, strict=True)):
-        v, target = rows.velocity[lines, j], rows.effort[lines, j]
+        target = rows.effort[lines, j]
         y = np.zeros(len(lines)) if load is None else load[lines, j]
         if alpha is not None and alpha[j]:
-            s = smooth_sign(v, rows.width)
+            s = rows.friction(FrictionPart(j, False, COULOMB_FRICTION.name))[lines]
             bodies = bodies * (1.0 + alpha[j] * s * np.sign(y))
             target = target + alpha[j] * np.abs(y) * s
         place, made = list(range(r)), []
-        for i, (k, of_motor, number, own) in enumerate(model.parts, r):
-            ratio = turns[k, j] if of_motor else float(k == j)
+        for i, part in enumerate(model.parts, r):
+            ratio = turns[part.joint, j] if part.of_motor else float(part.joint == j)
             if not ratio:
                 continue
-            column = FRICTION_COEFFICIENTS[number].column(rows.turning[lines, k] if of_motor else v, rows.width, own)
             place.append(i)
-            made.append(column * (np.abs(y) if FRICTION_COEFFICIENTS[number].grows_with_load else ratio))
+            grows = FRICTION_COEFFICIENTS[part.number].grows_with_load
+            made.append(rows.friction(part)[lines] * (np.abs(y) if grows else ratio))
         for i, ripple in enumerate(model.ripples):
             ratio = turns[ripple.motor, j]
             if ratio:
