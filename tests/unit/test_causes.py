@@ -78,7 +78,11 @@ def test_parts_that_rattle_across_a_gap_are_backlash():
         since = np.maximum(t - start, 0.0)
         rattle = np.sin(2.0 * np.pi * 7.0 * since + rng.uniform(0.0, 2.0 * np.pi)) * np.exp(-since / 0.08)
         u += 0.3 * COULOMB * (t >= start) * rattle
-    assert list(found(noisy(u))) == ["backlash"]
+    causes = found(noisy(u))
+    assert list(causes) == ["backlash"]
+    # Rattling shows that there is a gap. Its width acts on no column, and none is stated.
+    assert np.isnan(causes["backlash"].size)
+    assert cause_sentence(causes["backlash"]).startswith("Backlash, whose width is unknown, explains ")
 
 
 def test_the_core_moves_a_joint_with_its_spring():
@@ -200,6 +204,12 @@ def test_every_cause_has_words_and_a_finding():
     assert sentence == "A parallel spring of 0.21 N·m/rad explains 34 % of the residual: hose or cable?"
     small = cause_sentence(Cause("parallel_spring", 0.21, "N*m/rad", 0.004))
     assert "explains less than 1 % of the residual" in small
+    sure = cause_sentence(Cause("parallel_spring", 0.21, "N*m/rad", 0.34, 0.05))
+    assert sure.startswith("A parallel spring of 0.21 ± 0.050 N·m/rad explains")
+    open_ = cause_sentence(Cause("parallel_spring", 0.02, "N*m/rad", 0.34, 0.2))
+    assert open_.startswith("A parallel spring of −0.18 to 0.22 N·m/rad explains")
+    assert cause_sentence(Cause("delay", 0.0052, "s", 0.8)).startswith("An effort that is 5.2 ms late explains")
+    assert cause_sentence(Cause("delay", -0.0052, "s", 0.8)).startswith("An effort that is 5.2 ms early explains")
 
 
 def test_results_and_verdicts_have_the_cause():
@@ -208,6 +218,8 @@ def test_results_and_verdicts_have_the_cause():
     rows = {row.id: row for row in joint.result.rows}
     row = rows["fit_joint.cause.parallel_spring"]
     assert (row.value, row.unit) == (joint.causes[0].size, "N*m/rad")
+    low, high = joint["parallel_stiffness"].interval(joint.confidence)
+    assert 2.0 * joint.causes[0].half_width == pytest.approx(high - low)
     assert rows["fit_joint.cause.parallel_spring.share"].value == joint.causes[0].share
     said = [verdict.text for verdict in joint.verdicts if verdict.finding == "causes"]
     assert said == [cause_sentence(joint.causes[0])]

@@ -183,12 +183,12 @@ def _with_extent(bodies: np.ndarray) -> np.ndarray:
     return bodies_from_pseudo_inertia(p + 1.01 * taken + least * lift + floor)
 
 
-def entropic_solver(prior: InertiaPrior) -> Solver:
+def entropic_solver(prior: InertiaPrior, begin: np.ndarray | None = None) -> Solver:
     """Return a solver that pulls towards the bodies of a prior by the entropic distance.
 
-    It starts each search from the solution before, if there was one.
+    It starts each search from the solution before, the first one from `begin`, (c,), if there is one.
     """
-    before: list[np.ndarray] = []
+    before: list[np.ndarray] = [] if begin is None else [begin]
 
     def solve(spread: FullParametrisation, equations: NormalEquations, sd: np.ndarray) -> ConsistentFit:
         bounds = spread.numbers.bounds
@@ -352,13 +352,19 @@ def _cost_note(found: ConsistentSolution, prior: InertiaPrior) -> str:
     least = max(least_sum_of_squares(found), 1e-300)
     light = replace(prior, weight=PRIOR_SETTINGS.light_weight_share * prior.weight)
     start = TreeSolution(found.parameters, found.sd, np.ones(0, bool), np.ones(0, bool))
-    alone = solve_consistent(found.spread.model, found.at.rows, start=start, solver=entropic_solver(light))
+    solver = entropic_solver(light, found.fit.values)
+    alone = solve_consistent(found.spread.model, found.at.rows, start=start, solver=solver)
     share, prior_share = (100.0 * each.fit.loss / least for each in (alone, found))
     if share <= PRIOR_SETTINGS.max_negligible_cost_percent:
         text = "consistent inertias fit as well as least squares"
     else:
         text = (
             "consistent inertias do not fit as well as least squares: the nearest increase the weighted sum of squared "
-            f"residuals by {share:.2g} %"
+            f"residuals by {_rounded(share)} %"
         )
-    return f"{text}; with the chosen inertias it is {prior_share:.2g} % higher"
+    return f"{text}; with the chosen inertias it is {_rounded(prior_share)} % higher"
+
+
+def _rounded(percent: float) -> str:
+    """Return a percentage with two digits and without an exponent."""
+    return f"{float(f'{percent:.2g}'):.15g}"

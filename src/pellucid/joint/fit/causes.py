@@ -89,18 +89,22 @@ class Cause:
         and "delay".
     size : float
         Its size: stiffness, change of friction over the travel, angle, gap, limit of the sensor, relative change of the
-        effort over a recording, change of friction over a recording, or delay.
+        effort over a recording, change of friction over a recording, or delay. NaN for a gap whose parts rattle: no
+        column predicts that, so that its width is unknown.
     unit : str
         Unit of the size.
     share : float
         Share of the residual's variance on left-out stretches of the fitted recordings that it explains beside load
         friction; NaN if no model can tell.
+    half_width : float
+        Half the confidence interval of the size; NaN where the size is a rough one.
     """
 
     name: str
     size: float
     unit: str
     share: float
+    half_width: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -266,7 +270,7 @@ def _rattle(stretches: LeftOutStretches, reported: float) -> Iterator[Cause]:
         size, unit = _gap_size(_gap_columns(stretches), stretches)
         if abs(size) < _least_gap(stretches) and share < CAUSE_THRESHOLDS.min_rattle_share:
             return
-        yield Cause(BACKLASH, float(size), unit, min(share * stretches.error / reported, 1.0))
+        yield Cause(BACKLASH, float("nan"), unit, min(share * stretches.error / reported, 1.0))
 
 
 def _excess_columns(stretches: LeftOutStretches) -> list[np.ndarray]:

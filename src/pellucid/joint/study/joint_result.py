@@ -247,9 +247,9 @@ def rows_of(fit: JointResult) -> Iterator[ResultRow]:
         for p in payload.parameters:
             yield _parameter_row(own, f"{fit.study}.{p.name.replace('_', '.')}.{payload.recording}", p)
     for cause in fit.causes:
-        share = cause.share if np.isfinite(cause.share) else None
+        share, size = (x if np.isfinite(x) else None for x in (cause.share, cause.size))
         own = replace(bare, note=cause_sentence(cause))
-        yield replace(own, id=f"{fit.study}.cause.{cause.name}", value=cause.size, unit=cause.unit)
+        yield replace(own, id=f"{fit.study}.cause.{cause.name}", value=size, unit=cause.unit)
         yield replace(own, id=f"{fit.study}.cause.{cause.name}.share", value=share, unit="1")
     yield from _headline_rows(fit, bare)
     if fit.posterior is not None:
