@@ -107,6 +107,16 @@ def test_over_a_small_range_gravitys_interval_has_room_for_a_spring():
     assert any("spring" in verdict.text and "range" in verdict.do for verdict in sprung.verdicts)
 
 
+def test_gravitys_interval_has_room_for_a_transmission_that_twists():
+    """The encoder is on the motor, and gravity acts at the angle of the link, which the load turns by up to 1.3 deg."""
+    t, q, v, a = motion(size=1.2)
+    load, stiffness = INERTIA * a + GRAVITY * np.sin(q), 100.0
+    twist = load / stiffness
+    u = effort(q, v, a) - INERTIA * np.gradient(np.gradient(twist, t), t) - GRAVITY * np.cos(q) * twist
+    low, high = fit(t, q, noisy(u))["gravity"].interval(0.95)
+    assert low <= GRAVITY <= high
+
+
 def test_a_gain_that_drifts_is_a_drift():
     t, *states = motion()
     drifting = found(noisy(effort(*states) * (1.0 + 0.12 * t / t[-1])))

@@ -76,14 +76,11 @@ def test_friction_passes_the_filter_of_the_effort(robot):
             assert plain[f"{joint}.{name}"].value == pytest.approx(true, rel=0.02)
 
 
-def test_a_strong_spring_is_no_reversed_effort(robot):
-    """A spring that carries the forearm, as exoskeletons have: estimated without it, friction seems to give energy."""
+def test_no_bodies_cost_less_than_the_nearest_ones(robot):
+    """A spring at the elbow asks for bodies that cannot be. Those near the description are not the nearest ones."""
     recorded = swing(robot, 1)
-    recorded["effort"][:, 1] += 2.5 * recorded["position"][:, 1]
-    fit = pl.fit_robot(robot, recorded, **OPTIONS)
-    assert list(fit.answers)
-    # With no spring in the model, bodies near the description cost more than the nearest possible ones, never less.
-    said = str(fit.consistent)
+    recorded["effort"][:, 1] += 0.6 * recorded["position"][:, 1]
+    said = str(pl.fit_robot(robot, recorded, **OPTIONS).consistent)
     nearest, own = (float(part.split(" %")[0].split()[-1]) for part in (said.split("residuals by")[1], said.split("it is")[1]))
     assert 0.0 < nearest <= own
 

@@ -65,13 +65,10 @@ class FlippedJoint:
 def friction_power_shares(robot: Robot, motions: Sequence[TreeMotion]) -> np.ndarray:
     """Return the power that friction dissipates at each joint, divided by RMS effort times RMS speed, shape (m,).
 
-    A negative share means that the sign of effort or velocity is wrong. It is 0 where the drive itself does work: then
-    the model lacks something else, such as a spring that carries the weight.
+    A negative share means that the sign of effort or velocity is wrong.
     """
     rows, count = thinned(motions, SIGN_THRESHOLDS.sign_row_count), len(robot.names)
-    shares = _dissipated_power(robot, rows, np.ones((2, count)), np.zeros(count), effort_weights(rows))
-    work = sum(np.sum(m.effort * m.velocity * m.moving, axis=0) for m in motions)
-    return np.where((shares < 0.0) & (work > 0.0), 0.0, shares)
+    return _dissipated_power(robot, rows, np.ones((2, count)), np.zeros(count), effort_weights(rows))
 
 
 def _dissipated_power(robot: Robot, rows, signs, zeros, weights) -> np.ndarray:

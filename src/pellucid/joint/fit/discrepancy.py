@@ -9,11 +9,11 @@ mean square of the least-squares residual, and
    e \text{ as coloured as the residual}
 
 says that each may contribute a share of it. All friction shares one s, for its columns are different descriptions of
-one curve. Spring, rotor and angle zero have an s each: a spring that shows says nothing of friction. So does friction
+one curve. Spring, rotor, angle zero and twist have an s each: a spring that shows says nothing of friction. So does friction
 that gives way where the joint turns, which several columns describe (`turning_friction.py`); without them, other
 friction answers for what is left there. Marginal
 likelihood chooses every s between 0.001 and 1, those of all causes together, so that none answers for what another
-shows. That of a spring, a rotor or an angle zero is then put back to 0.001 unless its column also predicts the effort
+shows. That of a spring, a rotor, an angle zero or a twist is then put back to 0.001 unless its column also predicts the effort
 of blocks of time from which it was not fitted: what differentiation and the friction's turning leave in the residual
 looks like a weak spring in any recording, and changes from block to block. Samples into which the filters carry
 standstill are excluded, because stiction can take any value there. The posterior gives, with b the least-squares
@@ -115,12 +115,16 @@ class States:
         return np.exp(-np.abs(self.velocity) / max(top, np.finfo(float).tiny))
 
 
+TWISTED_ANGLE = "an angle that the load twists"
+"""Effect of a compliant transmission whose encoder is on the motor: gravity acts at another angle than the recorded one."""
+
 NEGLECTED_EFFECTS: Mapping[str, Callable[[States], np.ndarray]] = {
     "friction that grows with the load": lambda s: s.direction * np.abs(s.load),
     "different load losses in lifting and lowering": lambda s: s.load,
     "rotor inertia on the motor side of the load friction": lambda s: s.direction * np.sign(s.load) * s.acceleration,
     "a spring in the drive": lambda s: s.snap,
     "an error of the angle zero": lambda s: s.cosine,
+    TWISTED_ANGLE: lambda s: s.cosine * s.load,
     "viscosity that declines with speed": lambda s: s.velocity * np.abs(s.velocity),
     "viscosity that declines in one direction": lambda s: s.velocity**2,
     "friction that falls from rest": lambda s: s.direction * s.boundary,

@@ -12,7 +12,7 @@ from ...numerics.block_test import compare_held_out
 from ...numerics.motion import SLOW_SHARE, Motion
 from ...numerics.regression import Stack, regression_rows
 from ...numerics.uncertainty import correlation_time
-from .discrepancy import NEGLECTED_EFFECTS, UNEQUAL_LOAD_LOSSES, States
+from .discrepancy import NEGLECTED_EFFECTS, TWISTED_ANGLE, UNEQUAL_LOAD_LOSSES, States
 from .friction_solver import block_labels
 
 MAX_ROWS = 50_000
@@ -63,9 +63,9 @@ class LeftOutStretches:
         self._jacobian = jacobian[self._rows]
         self._own = _with_unit_columns(self._jacobian)
         self._beside = self._own[:, :0]
-        self.add(
-            [f(self.states) for n, f in NEGLECTED_EFFECTS.items() if n not in (*TRAVEL_EFFECTS, UNEQUAL_LOAD_LOSSES)]
-        )
+        # A twisted angle is no friction, and its column is nearly that of a misaligned axis.
+        others = (*TRAVEL_EFFECTS, UNEQUAL_LOAD_LOSSES, TWISTED_ANGLE)
+        self.add([f(self.states) for n, f in NEGLECTED_EFFECTS.items() if n not in others])
 
     def add(self, columns: Sequence[np.ndarray]) -> None:
         """Make columns, each of shape (m,), part of the model that causes extend."""
