@@ -82,7 +82,7 @@ def test_known_values(recorded):
 def test_a_moving_mass_that_the_recordings_contradict_is_refused(recorded):
     """With 1.5 N m and 0.05 kg m^2, no body is lighter than 0.47 kg. Enforced, 0.2 kg would falsify gravity."""
     q, effort = recorded
-    with pytest.raises(IdentificationError, match=r"moving_mass: found 0\.2 kg, expected at least 0\.46\d kg: .*correct"):
+    with pytest.raises(IdentificationError, match=r"found 0\.2 kg, expected at least 0\.46\d kg: .*correct"):
         pl.fit_joint(T, q, effort, lowpass=10.0, decimate=5, thorough=False, moving_mass=0.2)
     sound = pl.fit_joint(T, q, effort, lowpass=10.0, decimate=5, thorough=False, moving_mass=0.5)
     low, high = sound["gravity"].interval(0.95)

@@ -67,7 +67,7 @@ def fit(robot, recorded):
 
 
 def test_friction_passes_the_filter_of_the_effort(robot):
-    """Where a joint turns, the low-pass rounds the jump of the effort. A sharp one would bias friction, and need terms."""
+    """Where a joint turns, the low-pass rounds the jump of the effort. A sharp one would bias friction."""
     plain = pl.fit_robot(robot, [swing(robot, seed) for seed in (1, 2)], lowpass=10.0, decimate=5, held_out=[1])
     assert not [name for name in plain if name.endswith(("square_root", "stribeck", "load"))]
     assert plain.heldout_effort_error < 1.0
@@ -81,7 +81,8 @@ def test_no_bodies_cost_less_than_the_nearest_ones(robot):
     recorded = swing(robot, 1)
     recorded["effort"][:, 1] += 0.6 * recorded["position"][:, 1]
     said = str(pl.fit_robot(robot, recorded, **OPTIONS).consistent)
-    nearest, own = (float(part.split(" %")[0].split()[-1]) for part in (said.split("residuals by")[1], said.split("it is")[1]))
+    parts = said.split("residuals by")[1], said.split("it is")[1]
+    nearest, own = (float(part.split(" %")[0].split()[-1]) for part in parts)
     assert 0.0 < nearest <= own
 
 

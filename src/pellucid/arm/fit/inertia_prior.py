@@ -63,8 +63,8 @@ from .tree_regression import NormalEquations, TreeModel, TreeRows, TreeSolution,
 class PriorSettings:
     """Settings of the fit with a prior."""
 
-    # A body counts as outside if what the others leave of a diagonal element of its pseudo-inertia is a smaller share of
-    # it. Rounding decides whether a matrix closer to singular has an inverse.
+    # A body counts as outside if a pivot of its pseudo-inertia is a smaller share of the diagonal element. Rounding
+    # decides whether a matrix closer to singular has an inverse.
     min_pivot_share: float = 1e-12
     max_newton_steps: int = 100  # largest number of Newton steps
     decrement_tolerance: float = 1e-5  # Newton steps stop when the decrement is at most this share of the weight

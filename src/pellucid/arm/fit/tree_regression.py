@@ -92,10 +92,10 @@ class TreeRows:
         return replace(self, used=self.used & np.isin(self.segment, segments)[:, None])
 
     def friction(self, part: FrictionPart) -> np.ndarray:
-        """Return the column of a friction coefficient in all rows, (N,), filtered as the effort is, without the load."""
+        """Return the column of a coefficient in all rows, (N,), filtered as the effort is, without the load."""
         key = part, self.width
         if key not in self.made:
-            turn = np.asarray(self.robot.turns)[part.joint] if part.of_motor else np.eye(len(self.robot.names))[part.joint]
+            turn = (self.robot.turns_array if part.of_motor else np.eye(len(self.robot.names)))[part.joint]
             law = FRICTION_COEFFICIENTS[part.number]
             self.made[key] = np.concatenate([law.rows(x, turn, self.width, part.speed) for x in self.motions])
         return self.made[key]

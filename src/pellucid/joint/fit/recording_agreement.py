@@ -569,7 +569,8 @@ def require_possible_mass(
     from scipy.special import ndtri  # takes a third of a second to load
 
     at, least = model.names.index("inertia"), least_inertia(model, values, mass)
-    slope = np.array([-2.0 * v / (mass * GRAVITY**2) if n in GRAVITY_NAMES else 0.0 for n, v in zip(model.names, values)])
+    of_gravity = np.array([name in GRAVITY_NAMES for name in model.names])
+    slope = np.where(of_gravity, -2.0 * values / (mass * GRAVITY**2), 0.0)
     slope[at] = 1.0
     missing = least - values[at]
     if missing <= float(ndtri(0.5 + 0.5 * level)) * np.sqrt(slope @ covariance @ slope):
@@ -577,8 +578,9 @@ def require_possible_mass(
     expected = f"at least {mass * least / values[at]:.3g} kg" if values[at] > 0.0 else "a larger one"
     raise StatedValueError(
         f"moving_mass: found {mass:g} kg, expected {expected}: with the estimated gravity of "
-        f"{np.sqrt(least * mass) * GRAVITY:.3g} N*m, a body of {mass:g} kg has an inertia of at least {least:.3g} kg*m^2,"
-        f" and the recordings show {values[at]:.3g} kg*m^2; correct the mass, or the drive's gear ratio or constant"
+        f"{np.sqrt(least * mass) * GRAVITY:.3g} N*m, a body of {mass:g} kg has an inertia of at least {least:.3g} "
+        f"kg*m^2, and the recordings show {values[at]:.3g} kg*m^2; correct the mass, or the gear ratio or constant of "
+        "the drive"
     )
 
 

@@ -67,8 +67,8 @@ def simple_model(study: Study) -> JointModel:
     )
     if not made.names:
         raise StatedValueError(
-            f"known: found every parameter of a joint with symmetric friction ({', '.join(study.model.known)}), expected "
-            "at least one that is to be estimated"
+            f"known: found every parameter of a joint with symmetric friction ({', '.join(study.model.known)}), "
+            "expected at least one that is to be estimated"
         )
     return replace(made, payload_scale=1.0 if unit in ("N*m", "N") else 0.0)
 
