@@ -10,13 +10,12 @@ mean square of the least-squares residual, and
 
 says that each may contribute a share of it. All friction shares one s, for its columns are different descriptions of
 one curve. Spring, rotor, angle zero and twist have an s each: a spring that shows says nothing of friction. So does
-friction that gives way where the joint turns, which several columns describe (`turning_friction.py`); without them, other
-friction answers for what is left there. Marginal
-likelihood chooses every s between 0.001 and 1, those of all causes together, so that none answers for what another
-shows. That of a spring, a rotor, an angle zero or a twist is then put back to 0.001 unless its column also predicts the
-effort of blocks of time from which it was not fitted: what differentiation and the friction's turning leave in the residual
-looks like a weak spring in any recording, and changes from block to block. Samples into which the filters carry
-standstill are excluded, because stiction can take any value there. The posterior gives, with b the least-squares
+friction that gives way where the joint turns, which several columns describe (`turning_friction.py`); without
+them, other friction answers for what is left there. Marginal likelihood chooses every s between 0.001 and 1, those of
+all causes together, so that none answers for what another shows. That of a spring, a rotor, an angle zero or a twist returns to 0.001 unless its column also predicts the
+effort of blocks of time from which it was not fitted: what differentiation and the friction's turning leave in the
+residual looks like a weak spring in any recording, and changes from block to block. Samples into which the filters
+carry standstill are excluded, because stiction can take any value there. The posterior gives, with b the least-squares
 estimate,
 
 .. math::
