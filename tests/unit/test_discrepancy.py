@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pellucid.joint.fit.discrepancy import NEGLECTED_EFFECTS, TURNING_CAUSE, States, estimate_discrepancy
+from pellucid.joint.fit.discrepancy import (
+    CAUSE_GROUPS,
+    FRICTION_EFFECTS,
+    NEGLECTED_EFFECTS,
+    TURNING_CAUSE,
+    UNEQUAL_LOAD_LOSSES,
+    States,
+    estimate_discrepancy,
+)
 from pellucid.numerics.uncertainty import sandwich_covariance
 
 NAMES = ("inertia", "gravity", "viscous", "coulomb")
@@ -163,3 +171,9 @@ def test_what_known_effects_explain_of_the_residual_is_no_noise():
     assert np.min(np.diag(left) / np.diag(statistical)) < 0.5
     error = np.sqrt(np.diag(statistical))
     assert np.linalg.eigvalsh(left / np.outer(error, error)).min() > -1e-6
+
+
+def test_unequal_losses_of_the_load_are_one_cause_with_friction():
+    """Tested alone, they would count as present wherever friction is: their column lies within the model's span."""
+    assert set(CAUSE_GROUPS[0]) == {*FRICTION_EFFECTS, UNEQUAL_LOAD_LOSSES}
+    assert sorted(name for group in CAUSE_GROUPS for name in group) == sorted(NEGLECTED_EFFECTS)

@@ -12,11 +12,11 @@ says that each may contribute a share of it. All friction shares one s, for its 
 one curve. Spring, rotor, angle zero and twist have an s each: a spring that shows says nothing of friction. So does
 friction that gives way where the joint turns, which several columns describe (`turning_friction.py`); without
 them, other friction answers for what is left there. Marginal likelihood chooses every s between 0.001 and 1, those of
-all causes together, so that none answers for what another shows. That of a spring, a rotor, an angle zero or a twist returns to 0.001 unless its column also predicts the
-effort of blocks of time from which it was not fitted: what differentiation and the friction's turning leave in the
-residual looks like a weak spring in any recording, and changes from block to block. Samples into which the filters
-carry standstill are excluded, because stiction can take any value there. The posterior gives, with b the least-squares
-estimate,
+all causes together, so that none answers for what another shows. That of a spring, a rotor, an angle zero or a twist
+returns to 0.001 unless its column also predicts the effort of blocks of time from which it was not fitted: what
+differentiation and the friction's turning leave in the residual looks like a weak spring in any recording, and changes
+from block to block. Samples into which the filters carry standstill are excluded, because stiction can take any value
+there. The posterior gives, with b the least-squares estimate,
 
 .. math::
    E[(b - \beta)(b - \beta)^T] = (b - \hat\beta)(b - \hat\beta)^T + V_\beta
@@ -114,12 +114,16 @@ class States:
         return np.exp(-np.abs(self.velocity) / max(top, np.finfo(float).tiny))
 
 
+UNEQUAL_LOAD_LOSSES = "different load losses in lifting and lowering"
+"""The effect that is proportional to the load, and so looks like more inertia and gravity. Only a model with separate
+coefficients for lifting and lowering contains it."""
+
 TWISTED_ANGLE = "an angle that the load twists"
 """Effect of a compliant transmission with its encoder on the motor: gravity acts at another angle."""
 
 NEGLECTED_EFFECTS: Mapping[str, Callable[[States], np.ndarray]] = {
     "friction that grows with the load": lambda s: s.direction * np.abs(s.load),
-    "different load losses in lifting and lowering": lambda s: s.load,
+    UNEQUAL_LOAD_LOSSES: lambda s: s.load,
     "rotor inertia on the motor side of the load friction": lambda s: s.direction * np.sign(s.load) * s.acceleration,
     "a spring in the drive": lambda s: s.snap,
     "an error of the angle zero": lambda s: s.cosine,
@@ -139,8 +143,8 @@ FRICTION_EFFECTS = tuple(n for n in NEGLECTED_EFFECTS if n.startswith(("friction
 """Names of the neglected effects that are friction."""
 
 CAUSE_GROUPS: tuple[tuple[str, ...], ...] = (
-    tuple(n for n in NEGLECTED_EFFECTS if n in FRICTION_EFFECTS or n.startswith("lifting and lowering")),
-    *((n,) for n in NEGLECTED_EFFECTS if n not in FRICTION_EFFECTS and not n.startswith("lifting and lowering")),
+    tuple(n for n in NEGLECTED_EFFECTS if n in (*FRICTION_EFFECTS, UNEQUAL_LOAD_LOSSES)),
+    *((n,) for n in NEGLECTED_EFFECTS if n not in (*FRICTION_EFFECTS, UNEQUAL_LOAD_LOSSES)),
 )
 """Groups of effects with a common s: all friction is one physical cause, the others are one each."""
 
@@ -152,10 +156,6 @@ STICTION_CAUSE = "sticking at standstill"
 
 COMMON_LOAD_COEFFICIENT = "load_friction"
 """Name of the coefficient that describes the losses in lifting and in lowering by one share of the load."""
-
-UNEQUAL_LOAD_LOSSES = "different load losses in lifting and lowering"
-"""The effect that is proportional to the load, and so looks like more inertia and gravity. Only a model with separate
-coefficients for lifting and lowering contains it."""
 
 LOAD_SHARE_SPREAD_RATIO = 0.8114 / 1.959964
 """Prior standard deviation of half the difference between the shares lost in lifting and in lowering, divided by their
