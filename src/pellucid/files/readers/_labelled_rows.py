@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from functools import lru_cache
 
+from ...units import to_si_factor
 from ..stated_units import unit_from_text
 
 MIN_LABELLED_SHARE = 0.9
@@ -50,7 +52,8 @@ def plain_table(content: bytes) -> bytes | None:
     for line in content.decode("utf-8", errors="replace").splitlines():
         pairs = _pairs(line)
         if pairs is not None and tuple(label for label, _, _ in pairs) == labels:
-            rows.append(",".join(number for _, number, _ in pairs))
+            cells = zip(pairs, units, strict=True)
+            rows.append(",".join(_number_in(number, unit, common) or "" for (_, number, unit), common in cells))
         elif not rows and line.strip():
             above.append(f"# {line.strip()}")
     return "\n".join([*above, ",".join(header), *rows, ""]).encode()
@@ -71,7 +74,7 @@ def _pairs(line: str) -> list[tuple[str, str, str]] | None:
 
 
 _UNIT_CELL = re.compile(
-    r"\s*\"?\s*([-+]?[\d.,]+(?:[eE][-+]?\d+)?)[ \u00a0\u202f]+"
+    r"\s*\"?\s*([-+]?[\d.,]+(?:[eE][-+]?\d+)?)[ \u00a0\u202f]*"
     r"([^\W\d_][^\d\";,]{0,11}|[°%][^\d\";,]{0,6})\"?\s*"
 )
 """A number, and a unit behind it."""
@@ -97,7 +100,7 @@ def table_without_units(content: bytes) -> bytes | None:
             continue
         names = [name.strip().strip('"') for name in lines[0].split(mark)]
         heads = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
-        plain = [mark.join(_without_unit(cell) for cell in row.split(mark)) for row in rows]
+        plain = [_plain_row(row.split(mark), units, mark) for row in rows]
         return "\n".join([mark.join(heads), *plain, ""]).encode()
     return None
 
@@ -110,12 +113,51 @@ def _utf8(content: bytes) -> str | None:
 
 
 def _unit_of(cells: tuple[str, ...]) -> str | None:
-    """Return the unit that most cells of a column hold behind their number; None if they hold none that is known."""
+    """Return the unit of most cells of a column that hold one of its dimension behind their number; None without."""
     found = [match[2].strip() for cell in cells if (match := _UNIT_CELL.fullmatch(cell)) is not None]
-    unit, count = Counter(found).most_common(1)[0] if found else ("", 0)
-    return unit if count >= MIN_LABELLED_SHARE * len(cells) and unit_from_text(unit) is not None else None
+    if len(found) < MIN_LABELLED_SHARE * sum(1 for cell in cells if cell.strip()):
+        return None
+    counts = Counter(found)
+    for unit, _ in counts.most_common():
+        alike = sum(n for other, n in counts.items() if _factor(other, unit) is not None)
+        if alike >= MIN_LABELLED_SHARE * len(found):
+            return unit
+    return None
 
 
-def _without_unit(cell: str) -> str:
-    match = _UNIT_CELL.fullmatch(cell)
-    return cell if match is None else match[1]
+def _plain_row(cells: list[str], units: list[str | None], mark: str) -> str:
+    """Return a row's cells without their units, each number in the unit of its column."""
+    plain = []
+    for place, cell in enumerate(cells):
+        match, unit = _UNIT_CELL.fullmatch(cell), units[place] if place < len(units) else None
+        number = None if match is None or unit is None else _number_in(match[1], match[2].strip(), unit)
+        plain.append(cell if number is None else number)
+    return mark.join(plain)
+
+
+def _number_in(number: str, unit: str, common: str) -> str | None:
+    """Return the text of a number in a column's unit, where dashboards print 850 mA and 1.2 A; None if it has none.
+
+    >>> _number_in("850", "mA", "A"), _number_in("1.2", "A", "A"), _number_in("3", "V", "A")
+    ('0.85', '1.2', None)
+    """
+    if unit == common:
+        return number
+    factor = _factor(unit, common)
+    if factor is None:
+        return None
+    has_comma = "," in number and "." not in number
+    scaled = f"{factor * float(number.replace(',', '.') if has_comma else number.replace(',', '')):.12g}"
+    return scaled.replace(".", ",") if has_comma else scaled
+
+
+@lru_cache(maxsize=256)
+def _factor(unit: str, common: str) -> float | None:
+    """Return how many of a column's unit one of another unit is; None if no unit is known, or the dimensions differ."""
+    own, other = unit_from_text(unit), unit_from_text(common)
+    if own is None or other is None:
+        return None
+    try:
+        return to_si_factor(own, other)[0] / to_si_factor(other, None)[0]
+    except ValueError:
+        return None

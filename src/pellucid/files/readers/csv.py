@@ -133,6 +133,7 @@ def read(path: Path) -> Columns:
             return _whole_or_parts(path, io.BytesIO(text.encode()), None, arrow=False)
         if start.count(b"\0") > MAX_NUL_SHARE * len(start):
             raise RecordingError(f"{path.name}: found binary content, expected text")
+        file.seek(0)
         return _whole_or_parts(path, file, end, arrow=path.stat().st_size >= MIN_ARROW_FILE_BYTES)
 
 

@@ -33,7 +33,7 @@ from .clocks import FoundClock, find_clock
 from .emg_spectrum import InertialColumns, find_inertial, is_envelope, is_raw_emg, swings_fast
 from .encodings import Encoding, decode_counts, find_encoding
 from .fingerprints import FingerprintColumn, MatchedFingerprint, find_fingerprint
-from .joint_keys import JointKey, joint_keys, matching_joint, side_of
+from .joint_keys import JointKey, is_named_motor, joint_keys, matching_joint, side_of
 from .motion_efforts import (
     DERIVATIVE_LIMITS,
     EFFORT_LIMITS,
@@ -83,9 +83,6 @@ FINE_ENCODER_COUNTS = tuple(2**bits for bits in range(21, 25))
 _EFFORTS_BY_LETTER = {"v": "voltage", "u": "voltage", "i": "current", "t": "torque", "f": "force"}
 """Quantities of drives by the first letter of a short name that is no word."""
 
-
-_MOTOR_WORDS = frozenset({"motor", "rotor", "mot"})
-"""Words of a position before a gear."""
 
 _OUTPUT_WORDS = frozenset({"joint", "output", "link", "load"})
 """Words for the output side of a gear: if a column has one, a motor's position is not the joint's."""
@@ -522,9 +519,9 @@ class _Assignment:
         if stated is not None:
             measured = [n for n, each in self.names.items() if each.quantity == "position" and not each.is_command]
             is_angle = is_known_unit(stated, "rad")
-            return is_angle and all(_MOTOR_WORDS & set(words_of(each)) for each in (name, *measured))
+            return is_angle and all(is_named_motor(each) for each in (name, *measured))
         others = {word for each in self.names for word in words_of(each)}
-        if _MOTOR_WORDS & set(words_of(name)) and _OUTPUT_WORDS & others:
+        if is_named_motor(name) and _OUTPUT_WORDS & others:
             return True
         found = self._angle(name)
         is_wound = "wrap" in self.keys.get(name, {})

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...files.name_evidence import words_of
 from ...units import to_si_factor
 from .assign_roles import ColumnRole, TableRoles
-from .joint_keys import side_of
+from .joint_keys import is_named_motor, side_of
 
 MIN_TURNS = 1.5
 """A speed is a motor's if it is at least so many times its joint's: filters and delays change it by far less."""
 
 WHOLE_TURNS_TOLERANCE = 0.01
 """A gear whose turns are within this share of a whole number has that number."""
-
-_MOTOR_WORDS = frozenset({"motor", "rotor", "mot"})
-"""Words of what is measured before a gear. An actuator may contain one."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +54,7 @@ def find_gear(roles: TableRoles, efforts: tuple[str, ...]) -> FoundGear | None:
 
 def is_before_gear(effort: ColumnRole, position: ColumnRole) -> bool:
     """Whether an effort is named after the motor while the position is named after the joint."""
-    return bool(_MOTOR_WORDS & set(words_of(effort.column))) and side_of(position.column) == "output"
+    return is_named_motor(effort.column) and side_of(position.column) == "output"
 
 
 def _speed_ratio(of: ColumnRole, by: ColumnRole, ratio: float) -> float | None:

@@ -9,11 +9,27 @@ from dataclasses import dataclass
 from ...files.name_evidence import COMMAND_WORDS, COMPUTED_WORDS, MEASURED_WORDS, QUANTITY_WORDS, words_of
 from ...files.stated_units import split_unit
 
+MOTOR_WORDS = frozenset({"motor", "rotor", "mot", "moteur", "motore"})
+"""Words of what is measured before a gear. An actuator may contain one."""
+
+MOTOR_PARTS = ("电机", "電機", "马达", "馬達", "モータ", "모터", "двигател")
+"""Parts of such names in languages that write several words as one."""
+
 SIDE_WORDS = {
-    "motor": frozenset({"motor", "rotor", "drive", "mot", "actuator", "input", "elec", "electrical"}),
-    "output": frozenset({"output", "joint", "link", "load", "out", "mech", "mechanical", "shaft", "absolute", "abs"}),
-}
+    "motor": MOTOR_WORDS | {"drive", "actuator", "input", "elec", "electrical"},
+    "output": frozenset({
+        "output", "joint", "link", "load", "out", "mech", "mechanical", "shaft", "absolute", "abs", "gelenk", "abtrieb",
+        "articulation", "articulación", "articulacion", "articulação", "giunto", "junta", "gewricht",
+    }),
+}  # fmt: skip
 """Words of names that tell the side of a gear."""
+
+SIDE_PARTS = {
+    "motor": (*MOTOR_PARTS, "motorwinkel", "motorposition", "motordrehzahl", "motormoment", "motorstrom"),
+    "output": ("关节", "關節", "関節", "负载", "負載", "負荷", "输出轴", "出力軸", "관절", "сустав", "gelenkwinkel",
+        "gelenkposition", "gelenkmoment"),
+}  # fmt: skip
+"""Parts of names that tell the side of a gear in languages that write several words as one."""
 
 _PLAIN_WORDS = (
     frozenset(word for words in QUANTITY_WORDS.values() for word in words)
@@ -42,9 +58,17 @@ class JointKey:
 
 def side_of(name: str) -> str | None:
     """Return the side of a gear that a name tells, ``"motor"`` or ``"output"``; None if it tells none or both."""
-    words = set(words_of(split_unit(name)[0]))
-    found = [side for side, known in SIDE_WORDS.items() if words & known]
+    bare = split_unit(name)[0]
+    words, folded = set(words_of(bare)), bare.casefold()
+    found = [
+        side for side, known in SIDE_WORDS.items() if words & known or any(part in folded for part in SIDE_PARTS[side])
+    ]
     return found[0] if len(found) == 1 else None
+
+
+def is_named_motor(name: str) -> bool:
+    """Whether a name says that something was measured at a motor, before its gear."""
+    return bool(MOTOR_WORDS & set(words_of(name))) or any(part in name.casefold() for part in MOTOR_PARTS)
 
 
 def joint_keys(names: Sequence[str]) -> dict[str, JointKey]:
