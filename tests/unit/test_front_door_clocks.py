@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
-from test_front_door_names import controlled, proposed, swing, written
+from test_front_door_names import controlled, proposed, roles_of, swing, written
 
+from pellucid.files.delay import _resample
+from pellucid.files.name_evidence import read_name
+from pellucid.files.readers.read import read_columns
 from pellucid.units import to_si_factor
 
 
@@ -53,3 +56,64 @@ def test_the_joint_is_told_from_its_motor_in_many_languages(tmp_path, motor, joi
     path = written(tmp_path / "drive.csv", f"time_s,{motor},{joint},torque_Nm", (t, 36.0 * q, q, tau))
     found = proposed(path)
     assert [r.column for r in found.main.channels if r.quantity == "position"] == [joint]
+
+
+def test_a_speed_in_counts_has_the_turn_of_its_position(tmp_path):
+    t, q, tau = swing(rate=500.0)
+    turn = 2**19 / (2.0 * np.pi)
+    counts, speed = np.round(turn * q), np.round(turn * np.gradient(q, t))
+    columns = (t, counts, speed, np.round(1000.0 * tau / 2.4))
+    head = "time_s,0x6064 Position actual value,0x606C Velocity actual value,0x6077 Torque actual value"
+    path = tmp_path / "ecat.csv"
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=head, comments="", fmt="%.10g")
+    by = {r.quantity: r for r in proposed(path).main.channels}
+    assert by["position"].keys["counts_per_turn"] == by["velocity"].keys["counts_per_turn"] == 2**19
+
+
+def test_a_slower_sensor_in_a_faster_table_has_rows_of_its_own(tmp_path):
+    t, q, tau = swing(rate=500.0)
+    angle = np.where(np.arange(len(t)) % 5 == 0, np.degrees(q), np.nan)
+    path = tmp_path / "daq.csv"
+    rows = [f"{a:.3f},{'' if np.isnan(b) else f'{b:.5f}'},{c:.5f}" for a, b, c in zip(t, angle, tau, strict=True)]
+    path.write_text("\n".join(["time_s,imu_angle_deg,torque_Nm", *rows, ""]), encoding="utf-8")
+    found = proposed(path)
+    assert roles_of(found) == {"imu_angle_deg": "position", "torque_Nm": "torque"}
+    assert found.rate == pytest.approx(100.0)
+
+
+def test_random_losses_are_no_slower_sensor(tmp_path):
+    t, q, tau = swing(rate=500.0)
+    lost = np.random.default_rng(3).random(len(t)) < 0.5
+    path = tmp_path / "radio.csv"
+    rows = [f"{a:.3f},{'' if x else f'{b:.5f}'},{c:.5f}" for a, b, c, x in zip(t, q, tau, lost, strict=True)]
+    path.write_text("\n".join(["time_s,angle_rad,torque_Nm", *rows, ""]), encoding="utf-8")
+    assert {len(x) for x in read_columns(path).values.values()} == {len(t)}
+
+
+def test_a_faster_stream_that_begins_with_the_recording_has_no_missing_end():
+    slow, fast = np.arange(0.0, 10.0, 0.01), np.arange(0.0, 9.995, 0.002)
+    joined = _resample(fast, np.sin(fast), slow, 0.01, hold=False)
+    np.testing.assert_allclose(joined, np.sin(slow), atol=3e-3)
+
+
+@pytest.mark.parametrize("form", ["{} Run #{}", "Run {1}: {0}"])
+def test_runs_beside_each_other_are_recordings_of_one_joint(tmp_path, form):
+    path, columns, names = tmp_path / "capstone.csv", [], []
+    for run in (1, 2):
+        columns += swing(seed=run)
+        names += [form.format(name, run) for name in ("Time (s)", "Angle (rad)", "Torque (N·m)")]
+    found = proposed(written(path, ",".join(names), columns))
+    assert sorted(roles_of(found).values()) == ["position", "torque"]
+    assert found.main.roles.joints == ()
+    assert len(found.recordings) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "is_command"),
+    [
+        ("reference_encoder_deg", False), ("Ref sensor torque [Nm]", False), ("reference_deg", True),
+        ("encoder_setpoint", True), ("target encoder", True),
+    ],
+)  # fmt: skip
+def test_what_a_reference_instrument_shows_was_measured(name, is_command):
+    assert read_name(name).is_command == is_command

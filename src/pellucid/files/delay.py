@@ -206,7 +206,8 @@ def _resample(time: np.ndarray, samples: np.ndarray, at: np.ndarray, width: floa
     known = np.isfinite(samples)
     steps = 0.5 * np.diff(time) * (samples[1:] + samples[:-1])
     whole = np.concatenate([[0.0], np.cumsum(np.where(np.isfinite(steps), steps, 0.0))])
-    mean = (interpolate_at(time, whole, at + 0.5 * width) - interpolate_at(time, whole, at - 0.5 * width)) / width
-    if known.all():
-        return mean
+    # At the stream's ends the mean is over the part of the width that it covers.
+    begin, end = (np.clip(at + side * width, time[0], time[-1]) for side in (-0.5, 0.5))
+    covered = np.where(end > begin, end - begin, np.nan)
+    mean = (interpolate_at(time, whole, end) - interpolate_at(time, whole, begin)) / covered
     return np.where(np.isnan(interpolate_at(time, samples, at)), np.nan, mean)

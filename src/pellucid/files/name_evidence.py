@@ -57,6 +57,12 @@ COMMAND_WORDS = frozenset({
 })  # fmt: skip
 """Words of names that tell a command from a measurement; a drive's limited command is the one that it follows."""
 
+INSTRUMENT_WORDS = frozenset({
+    "encoder", "sensor", "transducer", "loadcell", "goniometer", "gonio", "potentiometer", "dynamometer", "tachometer",
+    "resolver", "geber", "capteur", "sensore", "codeur",
+})  # fmt: skip
+"""Words of instruments: what a reference encoder shows was measured, and not asked for."""
+
 COMMAND_PARTS = (
     "指令", "目标", "目標", "期望", "给定", "給定", "设定", "設定", "命令", "参考", "목표", "지령", "명령", "설정",
     "задан", "целев",
@@ -188,7 +194,10 @@ def read_name(name: str) -> NameEvidence:
     if _COMPUTER_WORDS & set(words) or _VALVE_WORDS & set(words):
         words = ["state"]
     joined = re.sub(r"[\W_]+", "", own.casefold())
-    is_command = bool(COMMAND_WORDS & {*words, joined}) or _has_part(words, COMMAND_PARTS, "soll")
+    commands = COMMAND_WORDS & {*words, joined}
+    if INSTRUMENT_WORDS & set(words):
+        commands -= {"ref", "reference", "nominal"}
+    is_command = bool(commands) or _has_part(words, COMMAND_PARTS, "soll")
     muscle = _muscle(bare)
     quantity = _quantity_of_words(words, joined, has_muscle=muscle is not None)
     is_of_joint = quantity == "position" and QUANTITY_WORDS["position"] & set(words) <= {"flexion", "rotation"}

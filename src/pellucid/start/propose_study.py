@@ -305,6 +305,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         gravity = _gravity(main, drive, turns)
     if duty_without_supply([main, *streams], drive, facts) is not None:
         facts["supply"] = UNKNOWN_SUPPLY
+    main = _with_counts_of_positions(main)
     main, streams = _without_idle_unknowns(main, drive), [_without_idle_unknowns(s, drive) for s in streams]
     recordings = _all_fitted(recordings) if about_muscles else _held_out(recordings, main)
     asked, marked = select_questions(questions)
@@ -1287,6 +1288,19 @@ def _with_rated_efforts(layout: Layout, facts: Mapping[str, FileFact]) -> Layout
         )  # fmt: skip
 
     return layout.with_each(rated)
+
+
+def _with_counts_of_positions(layout: Layout) -> Layout:
+    """Return a layout in which speeds and commands in counts have the counts of a turn of their joint's position."""
+    turns = {r.label: r.keys.get("counts_per_turn") for r in layout.channels if r.quantity == "position"}
+
+    def counted(role: ColumnRole) -> ColumnRole:
+        known = turns.get(role.label)
+        if known is None or role.unit not in ("counts", "counts/s") or "counts_per_turn" in role.keys:
+            return role
+        return replace(role, keys={**role.keys, "counts_per_turn": known})
+
+    return layout.with_each(counted)
 
 
 def _with_stated_counts(layout: Layout) -> Layout:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +22,12 @@ MAX_SHARED_SHARE = 0.3
 MAX_PUBLISHERS = 8
 """Largest number of distinguished publishers; more patterns of empty cells have another cause."""
 
+MIN_SLOWER_ROWS = 2
+"""A slower sensor has a value in at most every second row."""
+
+MIN_EVEN_SHARE = 0.95
+"""Smallest share of a slower sensor's steps that are equally many rows but one: losses come at random."""
+
 
 def with_own_rows(columns: Columns) -> Columns:
     """Return columns in which each publisher has its own rows, and the times of these.
@@ -36,8 +42,11 @@ def with_own_rows(columns: Columns) -> Columns:
     clock = next((n for n, x in numbers.items() if read_name(n).quantity == "time" and known[n].all()), None)
     groups = _groups({name: mask for name, mask in known.items() if name != clock and not mask.all()})
     whole = [name for name, mask in known.items() if name != clock and mask.all()]
-    if clock is None or whole or not _are_publishers([mask for mask, _ in groups]):
+    if clock is None:
         return columns
+    if whole or not _are_publishers([mask for mask, _ in groups]):
+        groups = [(mask, names) for mask, names in groups if _is_slower(mask)]
+        return _with_slower_streams(columns, clock, groups) if groups else columns
     groups.sort(key=lambda group: -int(group[0].sum()))
     rows = {name: mask for mask, names in groups for name in names}
     times = {names[0]: clock if k == 0 else f"{clock} {k + 1}" for k, (_, names) in enumerate(groups)}
@@ -52,6 +61,27 @@ def with_own_rows(columns: Columns) -> Columns:
                 units[times[name]] = columns.units[clock]
         values[name] = numbers[name][rows[name]] if name in rows else x
     return replace(columns, values=values, units=units)
+
+
+def _with_slower_streams(columns: Columns, clock: str, groups: Sequence[tuple[np.ndarray, list[str]]]) -> Columns:
+    """Return columns in which those that are known in every k-th row alone have rows and times of their own."""
+    values, units = dict(columns.values), dict(columns.units)
+    for k, (mask, names) in enumerate(groups, 2):
+        time = f"{clock} {k}"
+        slower: dict[str, np.ndarray | str] = {time: np.asarray(values[clock])[mask]}
+        slower |= {name: np.asarray(values.pop(name))[mask] for name in names}
+        values |= slower
+        if clock in units:
+            units[time] = units[clock]
+    return replace(columns, values=values, units=units)
+
+
+def _is_slower(known: np.ndarray) -> bool:
+    """Whether the known rows are every k-th one, as a slower sensor leaves them in the table of a faster one."""
+    steps = np.diff(np.flatnonzero(known))
+    if len(steps) < MIN_ROWS or np.median(steps) < MIN_SLOWER_ROWS:
+        return False
+    return bool(np.mean(np.abs(steps - np.median(steps)) <= 1.0) >= MIN_EVEN_SHARE)
 
 
 def _groups(known: Mapping[str, np.ndarray]) -> list[tuple[np.ndarray, list[str]]]:

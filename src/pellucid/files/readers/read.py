@@ -27,6 +27,7 @@ from ..stated_units import unit_from_text
 from ._caps import require_few_columns, require_file_size, require_short_names
 from ._columns import Columns
 from ._publishers import with_own_rows
+from ._runs import with_own_runs
 from ._split_stamps import with_whole_stamps
 from ._unread_formats import UNREAD_FORMATS
 
@@ -123,7 +124,7 @@ def read_columns(path: str | os.PathLike) -> Columns:
         raise RecordingError(f"{path.name}: not readable, truncated or damaged: {error!r}") from error
     require_few_columns(path, len(columns.values))
     require_short_names(path, columns.values)
-    columns = with_own_rows(with_whole_stamps(columns))
+    columns = with_own_runs(with_own_rows(with_whole_stamps(columns)))
     if any(unit_from_text(unit) not in (None, unit) for unit in columns.units.values()):
         columns = replace(columns, units={name: unit_from_text(u) or u for name, u in columns.units.items()})
     if all(isinstance(value, str) for value in columns.values.values()):
