@@ -7,6 +7,7 @@ from test_front_door_names import controlled, proposed, roles_of, swing, written
 from pellucid.files.delay import _resample
 from pellucid.files.name_evidence import read_name
 from pellucid.files.readers.read import read_columns
+from pellucid.start.init_from_files import init_from_files
 from pellucid.units import to_si_factor
 
 
@@ -117,3 +118,36 @@ def test_runs_beside_each_other_are_recordings_of_one_joint(tmp_path, form):
 )  # fmt: skip
 def test_what_a_reference_instrument_shows_was_measured(name, is_command):
     assert read_name(name).is_command == is_command
+
+
+def with_dropouts(n, share, seed=3):
+    """Return which of n rows a radio loses, in bursts of 30 rows, shape (n,) bool."""
+    starts = np.random.default_rng(seed).choice(n - 30, round(share * n / 30), replace=False)
+    lost = np.zeros(n, bool)
+    for start in starts:
+        lost[start : start + 30] = True
+    return lost
+
+
+def logged_by_radio(path, share):
+    """Write a log whose position and torque are missing together, and return its path."""
+    t, q, tau = swing(seconds=60.0, rate=250.0)
+    lost = with_dropouts(len(t), share)
+    rows = [f"{a:.3f},," if x else f"{a:.3f},{b:.4f},{c:.4f}" for a, b, c, x in zip(t, q, tau, lost, strict=True)]
+    path.write_text("\n".join(["time_s,angle_rad,torque_Nm", *rows, ""]), encoding="utf-8")
+    return path
+
+
+def test_what_a_radio_loses_is_cut_and_the_rest_identified(tmp_path):
+    path = logged_by_radio(tmp_path / "wireless.csv", 0.2)
+    whole = proposed(logged_by_radio(tmp_path / "whole.csv", 0.0)).processing
+    found = proposed(path).processing
+    assert whole.cut_share is None
+    assert 0.2 <= found.cut_share <= 0.4
+    assert found.lowpass == pytest.approx(whole.lowpass, rel=0.5)
+    init_from_files(tmp_path / "study", [path])
+    assert "cut_share" in (tmp_path / "study" / "study.toml").read_text(encoding="utf-8")
+
+
+def test_a_log_that_is_mostly_missing_keeps_the_usual_share(tmp_path):
+    assert proposed(logged_by_radio(tmp_path / "wireless.csv", 1.2)).processing.cut_share is None

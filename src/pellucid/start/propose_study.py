@@ -57,7 +57,13 @@ from .inference.motion_efforts import (
     motion_samples,
     weigh_turns,
 )
-from .inference.processing_choice import ProcessingChoice, bridge_losses, choose_processing, find_lost_periods
+from .inference.processing_choice import (
+    ProcessingChoice,
+    bridge_losses,
+    choose_processing,
+    cut_missing,
+    find_lost_periods,
+)
 from .match_robot_joints import RobotJoints, joints_remarks, match_robot_joints
 
 MAX_QUESTION_COUNT = 5
@@ -1894,12 +1900,35 @@ def _processing(main: Layout, drive: str | None) -> ProcessingChoice | None:
     if drive is None or not positions or rate is None or main.tables[0].rows < 200:
         return None
     first = main.roles.clock.first_sound
+    missing = [_missing_rows(table, main, drive) for table in main.tables]
     lost = [_lost_periods(table, main, positions[0], 0 if i else first) for i, table in enumerate(main.tables)]
     once = slice(None) if lost[0] is None else _delivered_once(main.tables[0], main, first)
-    choices = [choose_processing(_decoded(main.tables[0], role)[first:][once], rate, lost[0]) for role in positions]
+    choices = [
+        choose_processing(*_without_missing(_decoded(main.tables[0], role)[first:][once], rate, lost[0]))
+        for role in positions
+    ]
     choice = max(choices, key=lambda choice: choice.lowpass)
     periods = [periods for periods in lost if periods is not None]
-    return bridge_losses(choice, periods, rate) if periods else choice
+    choice = bridge_losses(choice, periods, rate) if periods else choice
+    return cut_missing(choice, missing, rate)
+
+
+def _without_missing(
+    position: np.ndarray, rate: float, periods: np.ndarray | None
+) -> tuple[np.ndarray, float, np.ndarray | None]:
+    """Return a position without missing samples, its rate, and how many periods each of its steps lasts."""
+    known = np.isfinite(position)
+    if known.all() or known.sum() < 4:
+        return position, rate, periods
+    at = np.concatenate(([0.0], np.cumsum(np.ones(len(position) - 1) if periods is None else periods)))
+    return position[known], rate, np.diff(at[known])
+
+
+def _missing_rows(table: GivenTable, main: Layout, drive: str) -> np.ndarray:
+    """Return the rows in which a table lacks a position or an effort, shape (n,) bool."""
+    read = {"position", "motor_position", *DRIVE_CHANNELS.get(drive, (drive,))}
+    names = [r.column for r in main.channels if r.quantity in read and r.column in table.columns]
+    return np.any([~np.isfinite(table.columns[name]) for name in names] or [np.zeros(table.rows, bool)], axis=0)
 
 
 def _lost_periods(table: GivenTable, main: Layout, position: ColumnRole, first: int) -> np.ndarray | None:

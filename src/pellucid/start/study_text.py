@@ -497,6 +497,9 @@ def _processing(proposal: Proposal) -> list[str]:
         text = f'resample = "{choice.resample:.5g} Hz"'
         lines.append(_line(text, "the clock loses samples; short losses are interpolated"))
     lines.append(f"decimate = {choice.decimate}")
+    if choice.cut_share is not None:
+        why = f"{MARK_GUESS}: samples are missing; what lies between them is used"
+        lines.append(_line(f"cut_share = {choice.cut_share:g}", why))
     if has_one_for_all:
         lines.append(_line(dead_band, DEAD_BAND_WHY))
     return [*lines, _line(f"trim = {choice.trim}", "samples at each border, where the filter has not settled")]

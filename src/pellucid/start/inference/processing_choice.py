@@ -37,6 +37,12 @@ class ProcessingLimits:
     # Share of the samples that has to lie between unbridged losses far enough apart for a regression. The low-pass
     # is lowered, so that longer losses are bridged, until it is reached. Chosen by judgement.
     min_kept_share: float = 0.8
+    # Above this share of missing samples a recording has other faults than losses. Chosen by judgement.
+    max_missing_share: float = 0.5
+    # A study allows this share of a recording's samples to be cut without saying so.
+    usual_cut_share: float = 0.1
+    # The allowed share exceeds what is missing by this share, for losses are not spread evenly.
+    cut_share_margin: float = 0.1
     # Periods of the low-pass that are left out at each border, where the filter has not settled.
     trim_lowpass_periods: float = 0.5
     # Fewest samples that are left out at each border.
@@ -59,6 +65,7 @@ class ProcessingChoice:
     acceleration_power: np.ndarray  # power of the computed acceleration, shape (f,)
     peak: float = 0.0  # frequency of the most motion [Hz]
     resample: float | None = None  # rate to interpolate to [Hz], None unless a clock loses samples now and then
+    cut_share: float | None = None  # share of a recording that may be cut, None unless more than usual is missing
 
 
 def find_lost_periods(time: np.ndarray, position: np.ndarray, rate: float) -> np.ndarray | None:
@@ -153,6 +160,34 @@ def bridge_losses(choice: ProcessingChoice, tables: Sequence[np.ndarray], rate: 
     return replace(
         choice, lowpass=lowpass, decimate=_decimation(lowpass, rate), trim=_trim(lowpass, rate), why=why, resample=rate
     )
+
+
+def cut_missing(choice: ProcessingChoice, tables: Sequence[np.ndarray], rate: float) -> ProcessingChoice:
+    """Return a choice that allows the missing samples of recordings to be cut, if enough is left between them.
+
+    `tables` holds the rows without a sample of each table, (n,) bool, at `rate` [Hz]. A stretch between losses needs
+    some rows after thinning, so that less is thinned where losses are frequent.
+    """
+    limits = PROCESSING_LIMITS
+    share = max((float(np.mean(part)) for rows in tables for part in np.array_split(rows, 2) if len(part)), default=0.0)
+    if not limits.usual_cut_share < share <= limits.max_missing_share:
+        return choice
+    thinned = next(
+        (k for k in range(choice.decimate, 0, -1) if _sound_share(tables, choice, k) >= limits.min_kept_share), 1
+    )
+    return replace(choice, decimate=thinned, cut_share=round(share + limits.cut_share_margin, 1))
+
+
+def _sound_share(tables: Sequence[np.ndarray], choice: ProcessingChoice, decimate: int) -> float:
+    """Return the share of samples that lie in stretches long enough for a regression between missing ones."""
+    fewest = shortest(Filtering(choice.lowpass, 4, decimate, 0.0, choice.trim))
+    kept = whole = 0
+    for rows in tables:
+        ends = np.flatnonzero(np.diff(np.concatenate(([True], rows, [True])).astype(int)))
+        lengths = ends[1::2] - ends[::2]
+        kept += int(lengths[lengths >= fewest].sum())
+        whole += int(lengths.sum())
+    return kept / whole if whole else 0.0
 
 
 def _kept_share(tables: Sequence[np.ndarray], lowpass: float, rate: float) -> float:
