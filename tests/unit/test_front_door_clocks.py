@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from test_front_door_names import controlled, proposed, roles_of, swing, written
 
+from pellucid._errors import PellucidError
 from pellucid.files.delay import _resample
 from pellucid.files.name_evidence import read_name
 from pellucid.files.readers.read import read_columns
@@ -151,3 +152,46 @@ def test_what_a_radio_loses_is_cut_and_the_rest_identified(tmp_path):
 
 def test_a_log_that_is_mostly_missing_keeps_the_usual_share(tmp_path):
     assert proposed(logged_by_radio(tmp_path / "wireless.csv", 1.2)).processing.cut_share is None
+
+
+def test_the_advised_answer_to_a_refuted_unit_also_corrects_the_speed(tmp_path):
+    t, q, tau = swing()
+    angle, speed = np.degrees(q), np.degrees(np.gradient(q, t))
+    path = written(tmp_path / "bench.csv", "time [s],angle [rad],velocity [rad/s],torque [Nm]", (t, angle, speed, tau))
+    with pytest.raises(PellucidError, match="position_unit=deg"):
+        init_from_files(tmp_path / "refused", [path])
+    init_from_files(tmp_path / "study", [path], answers={"position_unit": "deg"})
+    assert 'unit = "deg/s"' in (tmp_path / "study" / "study.toml").read_text(encoding="utf-8")
+
+
+def test_the_number_of_a_row_is_no_clock_beside_coarse_stamps(tmp_path):
+    t, q, tau = swing(rate=125.0)
+    rows = [f"{i},{3312.4 + a:.2f},{b:.5f},{c:.5f}" for i, (a, b, c) in enumerate(zip(t, q, tau, strict=True))]
+    (tmp_path / "rtde.csv").write_text("\n".join([",timestamp,q_rad,torque_Nm", *rows, ""]), encoding="utf-8")
+    assert proposed(tmp_path / "rtde.csv").rate == pytest.approx(125.0, rel=0.01)
+
+
+OSCILLOSCOPE = (
+    '"Model Name","DL850E"', '"TraceName","Angle","Torque"', '"BlockSize",2000,2000', '"VUnit","deg","Nm"',
+    '"SampleRate",100,100', '"HResolution",0.01,0.01', '"HUnit","s","s"',
+)  # fmt: skip
+
+
+def test_an_oscilloscopes_header_gives_names_units_and_rate(tmp_path):
+    _, q, tau = swing()
+    rows = [f",{a:.5g},{b:.5g}" for a, b in zip(np.degrees(q), tau, strict=True)]
+    (tmp_path / "0001.csv").write_text("\n".join([*OSCILLOSCOPE, *rows, ""]), encoding="utf-8")
+    found = proposed(tmp_path / "0001.csv")
+    assert {r.column: (r.quantity, r.unit) for r in found.main.channels} == {
+        "Angle": ("position", "deg"), "Torque": ("torque", "N*m"),
+    }  # fmt: skip
+    assert found.rate == pytest.approx(100.0)
+
+
+def test_a_motion_without_times_or_a_rate_is_no_study(tmp_path):
+    _, q, tau = swing()
+    path = written(tmp_path / "run.csv", "angle_rad,torque_Nm", (q, tau))
+    with pytest.raises(PellucidError, match=r"no sampling rate.*rate=500 Hz"):
+        init_from_files(tmp_path / "refused", [path])
+    assert not (tmp_path / "refused").exists()
+    init_from_files(tmp_path / "study", [path], answers={"rate": "100 Hz"})

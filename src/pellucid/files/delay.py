@@ -203,7 +203,6 @@ def _resample(time: np.ndarray, samples: np.ndarray, at: np.ndarray, width: floa
     """Return samples, (n,), interpolated at the times `at`, (m,), or averaged over a `width` around each [s]."""
     if width == 0.0 or hold or len(time) < 3:
         return interpolate_at(time, samples, at, hold=hold)
-    known = np.isfinite(samples)
     steps = 0.5 * np.diff(time) * (samples[1:] + samples[:-1])
     whole = np.concatenate([[0.0], np.cumsum(np.where(np.isfinite(steps), steps, 0.0))])
     # At the stream's ends the mean is over the part of the width that it covers.

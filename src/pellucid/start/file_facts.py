@@ -54,7 +54,7 @@ def find_rate(facts: Mapping[str, str]) -> FileFact | None:
     none."""
     for label, text in facts.items():
         words, joined = set(words_of(label)), "".join(words_of(label))
-        value = _value(text)
+        value = _value(_one_for_all(text))
         if value is None:
             continue
         number, unit = value
@@ -71,6 +71,12 @@ def find_rate(facts: Mapping[str, str]) -> FileFact | None:
             if 1.0 / MAX_RATE_HZ <= seconds <= 10.0:
                 return FileFact(float(f"{1.0 / seconds:.9g}"), "Hz", label)
     return _rate_in_texts(facts)
+
+
+def _one_for_all(text: str) -> str:
+    """Return the number that a setting repeats for each channel, as in "500,500"; any other text as it is."""
+    parts = [part.strip() for part in re.split(r"[,;\t]", text)]
+    return parts[0] if len(parts) > 1 and len(set(parts)) == 1 and parts[0] else text
 
 
 def _rate_in_texts(facts: Mapping[str, str]) -> FileFact | None:

@@ -35,6 +35,7 @@ from .propose_study import (
     require_known_units,
     require_lever_arm,
     require_possible_clock,
+    require_rate,
     require_signed_effort,
     require_turns_of_motors,
     shared_folders,
@@ -244,6 +245,7 @@ def make_study(
         require_agreeing_units(proposal)
         require_turns_of_motors(proposal)
         require_lever_arm(proposal)
+        require_rate(proposal)
         require_delivered_effort(proposal)
         require_signed_effort(proposal)
         with _draft_of(folder) as draft:

@@ -1338,6 +1338,16 @@ def _force_on_lever(main: Layout, drive: str | None) -> ColumnRole | None:
     return found[1]
 
 
+def require_rate(proposal: Proposal) -> None:
+    """Raise a StudyError if a drive's motion has neither times nor a rate: no physics tells the scale of time."""
+    if proposal.drive is None or all(layout.roles.rate is not None for layout in (proposal.main, *proposal.streams)):
+        return
+    raise StudyError(
+        f"{proposal.main.tables[0].path.name}: found no column of times and no sampling rate, on which every speed and "
+        'inertia depends, expected one of them: --answer "rate=500 Hz"'
+    )
+
+
 def require_lever_arm(proposal: Proposal) -> None:
     """Raise a StudyError if a force drives a rotary joint and its lever arm is unknown."""
     role = _force_on_lever(proposal.main, proposal.drive)
@@ -1860,7 +1870,12 @@ def _position_answer(answer: str) -> str:
 
 
 def _with_speeds_of(layout: Layout, unit: str) -> Layout:
-    """Return a layout whose uncertain speed units follow from the position's unit, by the ratio of both."""
+    """Return a layout whose uncertain speed units follow from the position's unit, by the ratio of both.
+
+    If motion and lab refute the stated unit of a position, a speed that agrees with it has the same mistake.
+    """
+    refuted = {role.column for role in layout.channels if role.fitting_unit and role.fitting_unit == unit}
+    mistaken = {pair.by for pair in layout.roles.pairs if pair.of in refuted}
     ratios = {(of, by): ratio for of, by, ratio in UNIT_RATIOS}
     units = {}
     for pair in layout.roles.pairs:
@@ -1869,12 +1884,13 @@ def _with_speeds_of(layout: Layout, unit: str) -> Layout:
             units[pair.by] = min(fitting)[1]
 
     def timed(role: ColumnRole) -> ColumnRole:
-        if role.quantity not in ("velocity", "desired_velocity") or role.unit_is_certain:
+        is_open = not role.unit_is_certain or (role.column in mistaken and role.column in units)
+        if role.quantity not in ("velocity", "desired_velocity") or not is_open:
             return role
         if role.column not in units:
             return replace(role, unit=f"{unit}/s", unit_why="the position's unit per second", unit_is_certain=True)
         keys = {key: value for key, value in role.keys.items() if key != "scale"}
-        why = "from its ratio to the position's derivative"
+        why = SAID_BY_LAB if role.unit_is_certain else "from its ratio to the position's derivative"
         return replace(role, unit=units[role.column], keys=keys, unit_why=why, unit_is_certain=True)
 
     return layout.with_each(timed)

@@ -34,7 +34,8 @@ _NAME_KEYS = frozenset({
 
 _UNIT_KEYS = frozenset({
     "unit", "units", "unitname", "unitnames", "unitlabel", "yunitlabel", "engineeringunit", "engineeringunits",
-    "eu", "dimension", "einheit", "einheiten", "unité", "unités", "unidad", "unidades", "unità", "単位",
+    "eu", "vunit", "yunit", "dimension", "einheit", "einheiten", "unité", "unités", "unidad", "unidades", "unità",
+    "単位",
 })  # fmt: skip
 """First words, folded, of rows with a unit for each channel."""
 
@@ -182,7 +183,12 @@ def _keyed_rows(above: Sequence[list[str]], body: Sequence[list[str]], width: in
         elif key in _UNIT_KEYS and is_over_all and units is None and any(unit_from_text(text) for text in values):
             units = (values if count == width else ["", *values]) + [""] * max(0, width - 1 - count)
             used.add(i)
-        elif names is not None and count == width - 1 and _are_placeholders([fields[0], *values]):
+        elif (
+            names is not None
+            and count == width - 1
+            and len(set(values)) == count
+            and _are_placeholders([fields[0], *values])
+        ):
             first = fields[0]  # below the names the columns are numbered, beside the name of the time
             used.add(i)
     if names is None or not (has_mark or units is not None) or not _has_numbers_first(body):

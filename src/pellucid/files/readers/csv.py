@@ -24,6 +24,7 @@ from typing import BinaryIO
 import numpy as np
 
 from ..._errors import RecordingError
+from ..name_evidence import read_name
 from ..personal_fields import find_personal_columns, find_personal_lines, searched_part
 from ..stated_units import is_unit_row, unit_from_text
 from ._caps import require_few_columns, require_narrow_lines
@@ -50,7 +51,7 @@ from ._number_blocks import (
     text_of,
 )
 from ._row_streams import MAX_LABELS, ListCell, Words, parse_list, split_streams
-from ._table_header import TableHeader, find_header, stated_rate
+from ._table_header import INDEX_NAME, TableHeader, find_header, stated_rate
 from ._wall_clock import is_stamp, stamp_seconds
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc")
@@ -328,6 +329,9 @@ def _with_named_time(
         return values, units | {first: _CLOCK_UNITS[first]}
     if first != "0" or len(values) < 2 or all(str(i) == name for i, name in enumerate(values)):
         return values, units
+    if np.all(np.diff(x) == 1.0) and any(read_name(name).quantity == "time" for name in list(values)[1:]):
+        # A table library writes the number of each row before its columns.
+        return {INDEX_NAME if name == first else name: column for name, column in values.items()}, units
     step = float(np.median(np.diff(x)))
     units = {"time" if name == first else name: unit for name, unit in units.items()}
     for label, text in facts.items():
