@@ -195,3 +195,26 @@ def test_a_motion_without_times_or_a_rate_is_no_study(tmp_path):
         init_from_files(tmp_path / "refused", [path])
     assert not (tmp_path / "refused").exists()
     init_from_files(tmp_path / "study", [path], answers={"rate": "100 Hz"})
+
+
+def in_bursts(path):
+    """Write samples of 500 Hz that a serial port delivers eight at a time, with one stamp each time."""
+    t, q, tau = swing(rate=500.0)
+    late = np.abs(0.002 * np.random.default_rng(5).standard_normal(len(t)))
+    stamp = 1772619751.0 + t[7::8].repeat(8) + late[7::8].repeat(8)
+    rows = [f"{a:.3f},{b:.5f},{c:.5f}" for a, b, c in zip(stamp, q, tau, strict=True)]
+    path.write_text("\n".join(["host_time,angle_rad,torque_Nm", *rows, ""]), encoding="utf-8")
+    return path
+
+
+def test_a_lab_may_say_the_rate_of_samples_that_share_stamps(tmp_path):
+    path = in_bursts(tmp_path / "putty.log")
+    assert proposed(path).rate == pytest.approx(500.0, rel=0.01)
+    found = proposed(path, rate="500 Hz")
+    assert found.rate == 500.0
+    init_from_files(tmp_path / "study", [path], answers={"rate": "500 Hz"})
+    (line,) = [x for x in (tmp_path / "study" / "study.toml").read_text().splitlines() if x.startswith("time = ")]
+    assert 'rate = "500 Hz"' in line
+    assert "GUESS" not in line
+    with pytest.raises(PellucidError, match="stamps"):
+        proposed(path, rate="100 Hz")

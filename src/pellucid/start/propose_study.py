@@ -129,6 +129,9 @@ class ProposalLimits:
     held_out_share: float = 0.25
     # First share of a single recording that is used to fit.
     single_fit_share: float = 0.6
+    # Largest relative difference between the rate that a lab states and the mean rate of coarse stamps. Chosen by
+    # judgement.
+    max_rate_difference: float = 0.05
     # Above this ratio between the speeds of the two parts, alternate pieces are held out instead of the last part.
     max_speed_ratio: float = 1.5
     # Quantile of a part's speeds that is compared.
@@ -300,6 +303,8 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         possible.add("counts_per_turn")
     if any(layout.roles.clock.column is not None for layout in layouts):
         possible.add("time_unit")
+    if main.roles.clock.coarse_column is not None:
+        possible.add("rate")
     unknown = answered - possible
     if unknown:
         known = ", ".join(question.key for question in questions)
@@ -1746,7 +1751,8 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
     """Return the proposal's parts with the answers in them."""
     if "rate" in answers:
         rate = parse_quantity(answers["rate"], "Hz", "rate")
-        main, *streams = (replace(s, roles=replace(s.roles, rate=s.roles.rate or rate)) for s in (main, *streams))
+        _require_agreeing_rate(main, rate)
+        main, *streams = (_with_rate(layout, rate) for layout in (main, *streams))
     if answers.get("rated", "unknown") != "unknown":
         main, *streams = (_with_rated_answer(layout, answers["rated"]) for layout in (main, *streams))
         drive = _drive_kind(main, streams)
@@ -1801,6 +1807,25 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
     if answers.get("angle_zero") == "yes" and gravity == "sine+cosine":
         gravity = "sine"
     return main, streams, drive, motion, gravity, facts
+
+
+def _require_agreeing_rate(layout: Layout, rate: float) -> None:
+    """Raise a StudyError if the stamps of a coarse clock advance at another rate [Hz] than the lab says."""
+    found = layout.roles.rate
+    if found is not None and abs(rate / found - 1.0) > PROPOSAL_LIMITS.max_rate_difference:
+        raise StudyError(
+            f"rate: found {rate:.6g} Hz, but the stamps of \"{layout.roles.clock.coarse_column}\" advance at "
+            f"{found:.6g} Hz on average, expected that rate within {100 * PROPOSAL_LIMITS.max_rate_difference:.3g} %"
+        )
+
+
+def _with_rate(layout: Layout, rate: float) -> Layout:
+    """Return a layout with the rate that the lab says [Hz], where no column tells the time of each row."""
+    roles = layout.roles
+    if roles.rate is not None and roles.clock.coarse_column is None:
+        return layout
+    clock = replace(roles.clock, rate=rate, why=SAID_BY_LAB, is_certain=True) if roles.rate is not None else roles.clock
+    return replace(layout, roles=replace(roles, rate=rate, clock=clock))
 
 
 def _with_drive_constants(main: Layout, answer: str, drive: str | None, motion: str) -> Layout:
