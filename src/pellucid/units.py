@@ -34,6 +34,7 @@ count = [count] = _ = counts
 gram = 1e-3 * kilogram = g
 minute = 60 * second = min
 hour = 3600 * second = h
+day = 24 * hour = d
 hertz = 1 / second = Hz
 degree = 0.017453292519943295 * radian = deg = degrees = °
 gon = 0.015707963267948967 * radian

@@ -7,6 +7,7 @@ from test_front_door_names import controlled, proposed, roles_of, swing, written
 from pellucid._errors import PellucidError
 from pellucid.files.delay import _resample
 from pellucid.files.name_evidence import read_name
+from pellucid.files.readers._wall_clock import stamp_seconds
 from pellucid.files.readers.read import read_columns
 from pellucid.start.init_from_files import init_from_files
 from pellucid.units import to_si_factor
@@ -218,3 +219,28 @@ def test_a_lab_may_say_the_rate_of_samples_that_share_stamps(tmp_path):
     assert "GUESS" not in line
     with pytest.raises(PellucidError, match="stamps"):
         proposed(path, rate="100 Hz")
+
+
+@pytest.mark.parametrize("first", [46085.4323, 739800.43])
+def test_dates_in_days_are_a_clock(tmp_path, first):
+    t, q, tau = swing()
+    path = tmp_path / "run.csv"
+    rows = [f"{first + a / 86400.0:.12f},{b:.5f},{c:.5f}" for a, b, c in zip(t, q, tau, strict=True)]
+    path.write_text("\n".join(["t,theta_rad,tau_Nm", *rows, ""]), encoding="utf-8")
+    assert proposed(path).rate == pytest.approx(100.0, rel=1e-3)
+    init_from_files(tmp_path / "study", [path])
+
+
+def test_a_clock_of_megahertz_is_refused(tmp_path):
+    t, q, tau = swing()
+    path = tmp_path / "run.csv"
+    rows = [f"{a / 86400.0:.12f},{b:.5f},{c:.5f}" for a, b, c in zip(t, q, tau, strict=True)]
+    path.write_text("\n".join(["t,theta_rad,tau_Nm", *rows, ""]), encoding="utf-8")
+    with pytest.raises(PellucidError, match="time_unit="):
+        init_from_files(tmp_path / "refused", [path])
+    init_from_files(tmp_path / "study", [path], answers={"time_unit": "days"})
+
+
+def test_stamps_may_have_a_colon_before_their_milliseconds():
+    found = stamp_seconds(["10:22:31:980", "10:22:31:990", "10:22:32:000"])
+    np.testing.assert_allclose(found, 37351.98 + np.array([0.0, 0.01, 0.02]))

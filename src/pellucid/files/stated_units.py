@@ -16,6 +16,7 @@ _UNITS_BY_TEXT = {
     "msecs": "ms", "millis": "ms", "millisecond": "ms", "milliseconds": "ms", "us": "us", "usec": "us", "usecs": "us",
     "micros": "us", "microsecond": "us", "microseconds": "us", "ns": "ns", "nsec": "ns", "nsecs": "ns",
     "nanosec": "ns", "nanoseconds": "ns", "min": "min", "minutes": "min", "h": "h", "hr": "h", "hours": "h",
+    "days": "d", "day": "d",
     "deg": "deg", "degs": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg",
     "rad": "rad", "rads": "rad", "radian": "rad", "radians": "rad", "mrad": "mrad", "urad": "urad",
     "turn": "turn", "turns": "turn", "rev": "turn", "revs": "turn", "revolutions": "turn",

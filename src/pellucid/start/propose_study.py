@@ -34,7 +34,7 @@ from .inference.assign_roles import (
     assign_roles,
     is_known_unit,
 )
-from .inference.clocks import UNIT_SECONDS
+from .inference.clocks import TIME_LIMITS, UNIT_SECONDS
 from .inference.emg_spectrum import swings_fast
 from .inference.encodings import decode_counts
 from .inference.gears import FoundGear, find_gear
@@ -439,6 +439,12 @@ def require_possible_clock(proposal: Proposal) -> None:
     """Raise a StudyError if the motion refutes the unit of the clock, and another one makes it a usual one."""
     main, clock = proposal.main, proposal.main.roles.clock
     fitting = [unit for unit in UNIT_SECONDS if clock.column is not None and clock.would_be_usual(unit)]
+    if clock.is_impossible and "time_unit" not in proposal.answers:
+        raise StudyError(
+            f'{main.tables[0].path.name}: column "{clock.column}": found steps that are {clock.rate:.4g} Hz in '
+            f"{clock.unit}, expected a clock of at most {TIME_LIMITS.possible_rates_hz[1]:.4g} Hz: state its unit with "
+            f'--answer "time_unit={(fitting or ["s"])[-1]}"'
+        )
     if not fitting or clock.rate is None:
         return
     for unit in fitting:

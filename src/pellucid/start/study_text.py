@@ -358,7 +358,7 @@ def _time(layout: Layout, proposal: Proposal) -> str:
     elif layout.rate_fact is not None:
         said = f'"{layout.rate_fact.label}" in the file states it'
     else:
-        said = f"{MARK_GUESS}: {clock.why}"
+        said = f'{MARK_GUESS}: {clock.why}; a known rate may be stated: --answer "rate=..."'
     return _line(f'time = {{ rate = "{rate:.10g} Hz" }}', said)
 
 

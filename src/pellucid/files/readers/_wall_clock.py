@@ -12,7 +12,7 @@ import numpy as np
 DAY_S = 86400.0
 """Seconds of a day."""
 
-_CLOCK_PATTERN = r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2}(?:[.,]\d+)?)\s*(?P<half>[AaPp][Mm])?"
+_CLOCK_PATTERN = r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2}(?:[.,]\d+|:\d{3})?)\s*(?P<half>[AaPp][Mm])?"
 _ZONE_PATTERN = r"\s*(?P<zone>[Zz]|[+-]\d{2}:?\d{2})?"
 _AFTER_DATE_PATTERN = rf"[T ]\s*{_CLOCK_PATTERN}{_ZONE_PATTERN}"
 _YEAR_FIRST_PATTERN = re.compile(rf"(?P<year>\d{{4}})[-/.](?P<a>\d{{1,2}})[-/.](?P<b>\d{{1,2}}){_AFTER_DATE_PATTERN}")
@@ -63,7 +63,7 @@ def _dated(stamps: list[re.Match[str]], order: str) -> np.ndarray | None:
 
 def _clock_seconds(stamp: re.Match[str]) -> float:
     """Return the seconds since midnight of a matched stamp; NaN if no clock shows it."""
-    hour, minute, second = int(stamp["hour"]), int(stamp["minute"]), float(stamp["second"].replace(",", "."))
+    hour, minute, second = int(stamp["hour"]), int(stamp["minute"]), float(re.sub("[,:]", ".", stamp["second"]))
     if stamp["half"]:
         if not 1 <= hour <= 12:
             return math.nan

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...files.name_evidence import NameEvidence
 
-UNIT_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+UNIT_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
 """Units of time columns, in seconds."""
 
 
@@ -25,6 +25,9 @@ class TimeLimits:
     possible_rates_hz: tuple[float, ...] = (0.5, 60000.0)
     # Seconds since 1970 between 1979 and 2065. A column within this range is a wall clock, and its unit is certain.
     epoch_range_s: tuple[float, ...] = (3.0e8, 3.0e9)
+    # Days since 1900, as spreadsheets count them, and since the year 0, as MATLAB does, between 1979 and 2065. A column
+    # within one of these ranges whose steps are usual ones of days is a wall clock.
+    serial_days: tuple[tuple[float, ...], ...] = ((28_900.0, 60_300.0), (722_900.0, 754_300.0))
     # Time may stand still or fall in at most the remaining share of steps, as stale packets and restarts make it
     # do.
     min_rising_share: float = 0.97
@@ -86,6 +89,11 @@ class FoundClock:
         """Return the clock with its numbers in another unit, and the reason for it."""
         rate = None if self.rate is None else self.rate * UNIT_SECONDS[self.unit] / UNIT_SECONDS[unit]
         return replace(self, unit=unit, rate=rate, why=why, is_certain=True)
+
+    @property
+    def is_impossible(self) -> bool:
+        """Whether no logger has the rate that the clock tells, so that its unit is another one."""
+        return self.rate is not None and self.column is not None and self.rate > TIME_LIMITS.possible_rates_hz[1]
 
     def would_be_usual(self, unit: str) -> bool:
         """Whether the clock has an unusual rate, and a usual one with its numbers in another unit."""
@@ -348,9 +356,12 @@ def _unit(middle: float, step: float, evidence: NameEvidence) -> tuple[str, str,
         is_possible = TIME_LIMITS.possible_rates_hz[0] / 50.0 <= rate <= 10.0 * TIME_LIMITS.possible_rates_hz[1]
         return evidence.unit, f"the header says {evidence.unit}; steps of {step:.4g} give {rate:.4g} Hz", is_possible
     for unit, seconds in UNIT_SECONDS.items():
-        is_wall_clock = unit not in ("min", "h") and _is_within(middle * seconds, TIME_LIMITS.epoch_range_s)
+        is_wall_clock = unit not in ("min", "h", "d") and _is_within(middle * seconds, TIME_LIMITS.epoch_range_s)
         if is_wall_clock and (unit == "s" or _is_usual(1.0 / (step * seconds))):
             return unit, f"the numbers count {unit} since 1970, in steps of {step:.4g}", True
+    is_date = any(_is_within(middle, ends) for ends in TIME_LIMITS.serial_days)
+    if is_date and _is_usual(1.0 / (step * UNIT_SECONDS["d"])):
+        return "d", f"the numbers are dates in days, in steps of {step * UNIT_SECONDS['d']:.4g} s", True
     usual = [u for u in ("s", "ms", "us", "ns") if _is_usual(1.0 / (step * UNIT_SECONDS[u]))]
     rates = {u: 1.0 / (step * UNIT_SECONDS[u]) for u in ("s", "ms", "us", "ns")}
     possible = [u for u, rate in rates.items() if _is_within(rate, TIME_LIMITS.possible_rates_hz)]
