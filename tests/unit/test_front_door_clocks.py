@@ -10,6 +10,7 @@ from pellucid.files.name_evidence import read_name
 from pellucid.files.readers._wall_clock import stamp_seconds
 from pellucid.files.readers.read import read_columns
 from pellucid.start.init_from_files import init_from_files
+from pellucid.start.try_log import try_log
 from pellucid.units import to_si_factor
 
 
@@ -244,3 +245,21 @@ def test_a_clock_of_megahertz_is_refused(tmp_path):
 def test_stamps_may_have_a_colon_before_their_milliseconds():
     found = stamp_seconds(["10:22:31:980", "10:22:31:990", "10:22:32:000"])
     np.testing.assert_allclose(found, 37351.98 + np.array([0.0, 0.01, 0.02]))
+
+
+def test_a_log_that_begins_at_rest_is_identified(tmp_path):
+    t, q, tau = swing(seconds=40.0)
+    rest, noise = np.ones(4000), 0.01 * np.random.default_rng(2).standard_normal(4000)
+    rows = (np.arange(8000) / 100.0, np.concatenate([q[0] * rest, q]), np.concatenate([tau[0] * rest + noise, tau]))
+    path = written(tmp_path / "idle.csv", "time_s,angle_rad,torque_Nm", rows)
+    tried = try_log([path], out=tmp_path / "page")
+    assert tried.answer.verdict == "yes"
+
+
+def test_the_middle_of_a_converters_range_is_an_offset_and_no_size(tmp_path):
+    t, q, tau = swing()
+    path = written(tmp_path / "adc.csv", "t_s,angle_rad,current_adc", (t, q, np.round(2048.0 + 250.0 * tau)))
+    init_from_files(tmp_path / "study", [path])
+    lost = written(tmp_path / "lost.csv", "t_s,angle_rad,current_adc", (t, q, np.round(250.0 * np.abs(tau))))
+    with pytest.raises(PellucidError, match="with its sign"):
+        init_from_files(tmp_path / "refused", [lost])

@@ -156,8 +156,9 @@ def simulate_recording(
 
 
 def relative_error(measured: np.ndarray, modelled: np.ndarray) -> float:
-    """Return 100 ||x - x_m|| / ||x|| [%], the literature's relative error."""
-    return float(100.0 * np.linalg.norm(measured - modelled) / np.linalg.norm(measured))
+    """Return 100 ||x - x_m|| / ||x|| [%], the literature's relative error; infinite for a signal at rest."""
+    size = float(np.linalg.norm(measured))
+    return 100.0 * float(np.linalg.norm(measured - modelled)) / size if size > 0.0 else float("inf")
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,9 @@ def turning_columns(motion: Motion) -> np.ndarray:
     """Return what friction may do where the joint turns, per unit of each column, (n, k)."""
     span, at_once = float(np.ptp(motion.position[motion.inner])), np.sign(motion.velocity)
     position = np.ascontiguousarray(motion.position, float)
+    # A stretch at rest turns nowhere.
     gives = [
-        motion.smooth(_core.presliding(share * span, position) - at_once) for share in TRAVEL_RANGE_SHARES if span > 0.0
+        motion.smooth(_core.presliding(share * span, position) - at_once) if span > 0.0 else np.zeros(len(position))
+        for share in TRAVEL_RANGE_SHARES
     ]
     return np.column_stack([*gives, reversal_pulses(motion, motion.velocity)])

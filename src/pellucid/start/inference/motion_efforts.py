@@ -73,6 +73,9 @@ class EffortLimits:
     max_signed_left: float = 0.15
     # Without them it leaves at least this many times as much.
     min_unsigned_ratio: float = 3.0
+    # The size of an effort that passes through 0 is at most this share of its largest one in 1 of 100 samples. Chosen
+    # by judgement.
+    max_least_size: float = 0.25
     # Inertia is told from the rest of an effort if it explains at least this share of its variance.
     min_inertia_share: float = 0.02
     # The spread of an effort accelerates usual joints by as much as this [rad/s^2; m/s^2], and no machine beyond the
@@ -159,10 +162,13 @@ def is_reversed(effort: np.ndarray, motion: MotionSamples) -> bool:
 def is_magnitude(effort: np.ndarray, motion: MotionSamples, radians_per_unit: float | None) -> bool:
     """Whether an effort, shape (n,), is the size of one without its sign.
 
-    It is never negative, and the motion explains it far better with the signs that the motion itself gives it.
+    It is never negative, and the motion explains it far better with the signs that the motion itself gives it. Where a
+    sign was lost the size comes near 0: one that never does has an offset, such as the middle of a converter's range.
     """
     known = effort[np.isfinite(effort)]
     if not len(known) or known.min() < 0.0 or known.max() <= 0.0:
+        return False
+    if np.quantile(known, 0.01) > EFFORT_LIMITS.max_least_size * known.max():
         return False
     matrix, target = _regression(effort, motion, radians_per_unit)
     left = _left(matrix, target)
