@@ -248,7 +248,7 @@ def test_stamps_may_have_a_colon_before_their_milliseconds():
 
 
 def test_a_log_that_begins_at_rest_is_identified(tmp_path):
-    t, q, tau = swing(seconds=40.0)
+    _, q, tau = swing(seconds=40.0)
     rest, noise = np.ones(4000), 0.01 * np.random.default_rng(2).standard_normal(4000)
     rows = (np.arange(8000) / 100.0, np.concatenate([q[0] * rest, q]), np.concatenate([tau[0] * rest + noise, tau]))
     path = written(tmp_path / "idle.csv", "time_s,angle_rad,torque_Nm", rows)
@@ -263,3 +263,20 @@ def test_the_middle_of_a_converters_range_is_an_offset_and_no_size(tmp_path):
     lost = written(tmp_path / "lost.csv", "t_s,angle_rad,current_adc", (t, q, np.round(250.0 * np.abs(tau))))
     with pytest.raises(PellucidError, match="with its sign"):
         init_from_files(tmp_path / "refused", [lost])
+
+
+@pytest.mark.parametrize("names", [("encoder_deg", "imu_pitch_deg"), ("imu_pitch_deg", "encoder_deg")])
+def test_of_two_sensors_the_one_that_explains_the_effort_is_the_joint(tmp_path, names):
+    t, q, tau = swing(rate=200.0)
+    late = swing(rate=200.0, late=0.03)[1] + 0.001 * np.random.default_rng(4).standard_normal(len(t))
+    step = 2.0 * np.pi / 8192
+    by = {"encoder_deg": np.degrees(np.round(q / step) * step), "imu_pitch_deg": np.degrees(late)}
+    path = written(tmp_path / "two.csv", f"time_s,{','.join(names)},torque_Nm", (t, *(by[n] for n in names), tau))
+    assert roles_of(proposed(path))["encoder_deg"] == "position"
+
+
+def test_a_straps_force_on_a_joint_that_turns_keeps_no_study_from_being_made(tmp_path):
+    t, q, tau = swing()
+    force = 20.0 * np.sin(2.5 * t) + np.random.default_rng(4).standard_normal(len(t))
+    path = written(tmp_path / "exo.csv", "time_s,knee_angle_deg,strap_force_N,actuator_torque_Nm", (t, np.degrees(q), force, tau))
+    init_from_files(tmp_path / "study", [path])

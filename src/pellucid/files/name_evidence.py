@@ -58,7 +58,7 @@ COMMAND_WORDS = frozenset({
 """Words of names that tell a command from a measurement; a drive's limited command is the one that it follows."""
 
 INSTRUMENT_WORDS = frozenset({
-    "encoder", "sensor", "transducer", "loadcell", "goniometer", "gonio", "potentiometer", "dynamometer", "tachometer",
+    "encoder", "sensor", "imu", "transducer", "loadcell", "goniometer", "gonio", "potentiometer", "dynamometer", "tachometer",
     "resolver", "geber", "capteur", "sensore", "codeur",
 })  # fmt: skip
 """Words of instruments: what a reference encoder shows was measured, and not asked for."""
@@ -224,7 +224,9 @@ def read_name(name: str) -> NameEvidence:
         _axis(words, joined),
         numbers[-1] if numbers else None,
         bool(COMPUTED_WORDS & set(words)),
-        bool(MEASURED_WORDS & set(words)) or _has_part(words, MEASURED_PARTS, "ist"),
+        bool(MEASURED_WORDS & set(words))
+        or _has_part(words, MEASURED_PARTS, "ist")
+        or (not is_command and bool(INSTRUMENT_WORDS & set(words))),
         multiple or (_unknown_unit(name) if unit is None else None),
         quantity in ("torque", "force") and bool((MACHINE_WORDS | INTERACTION_WORDS) & set(words)),
         scale,

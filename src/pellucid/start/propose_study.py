@@ -316,7 +316,8 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         gravity = _gravity(main, drive, turns)
     if duty_without_supply([main, *streams], drive, facts) is not None:
         facts["supply"] = UNKNOWN_SUPPLY
-    main = _with_counts_of_positions(main)
+    main = _without_foreign_interactions(_with_counts_of_positions(main), motion)
+    streams = [_without_foreign_interactions(stream, motion) for stream in streams]
     main, streams = _without_idle_unknowns(main, drive), [_without_idle_unknowns(s, drive) for s in streams]
     recordings = _all_fitted(recordings) if about_muscles else _held_out(recordings, main)
     asked, marked = select_questions(questions)
@@ -520,6 +521,19 @@ def _without_idle_unknowns(layout: Layout, drive: str | None) -> Layout:
         return replace(role, quantity=None, why=role.unit_why) if role.unknown_unit and is_idle else role
 
     return layout.with_each(known)
+
+
+def _without_foreign_interactions(layout: Layout, motion: str) -> Layout:
+    """Return a layout without efforts between robot and person that act on no joint of this motion: a strap's force on
+    a joint that turns has a lever arm that no file states."""
+    expected = "N*m" if motion == "rotary" else "N"
+
+    def fitting(role: ColumnRole) -> ColumnRole:
+        if role.quantity != "interaction" or is_known_unit(role.unit, expected):
+            return role
+        return replace(role, quantity=None, why=f"{role.why}; it is in {role.unit}, and the joint's are in {expected}")
+
+    return layout.with_each(fitting)
 
 
 def _locked_spring(main: Layout, drive: str | None) -> LockedSpring | None:

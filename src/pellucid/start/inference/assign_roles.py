@@ -1070,6 +1070,8 @@ class _Assignment:
         merit -= 3.0 * (role.quantity == "current" and "d" in words)
         if role.quantity in DRIVE_QUANTITIES:
             merit += 3.0 * self._explained(name)
+        if role.quantity == "position":
+            merit += 3.0 * self._explains(name)
         return merit, -self.roughly_still(name)
 
     def _explained(self, name: str) -> float:
@@ -1079,6 +1081,14 @@ class _Assignment:
             shares = [effort_share(self.values[name], m, self._radians(other)) for other, m in motions.items()]
             self._shares[name] = max(shares, default=0.0)
         return self._shares[name]
+
+    def _explains(self, name: str) -> float:
+        """Return the largest share of an effort that the motion of a position explains: a late one explains less."""
+        motion = self._motions().get(name)
+        efforts = [n for n, r in self.roles.items() if r.quantity in DRIVE_QUANTITIES and not r.is_command]
+        if motion is None or not efforts:
+            return 0.0
+        return max(effort_share(self.values[effort], motion, self._radians(name)) for effort in efforts)
 
     def roughly_still(self, name: str) -> int:
         """Return the share of rows in which a column does not change [%]."""
