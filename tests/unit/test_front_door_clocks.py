@@ -278,5 +278,27 @@ def test_of_two_sensors_the_one_that_explains_the_effort_is_the_joint(tmp_path, 
 def test_a_straps_force_on_a_joint_that_turns_keeps_no_study_from_being_made(tmp_path):
     t, q, tau = swing()
     force = 20.0 * np.sin(2.5 * t) + np.random.default_rng(4).standard_normal(len(t))
-    path = written(tmp_path / "exo.csv", "time_s,knee_angle_deg,strap_force_N,actuator_torque_Nm", (t, np.degrees(q), force, tau))
+    head = "time_s,knee_angle_deg,strap_force_N,actuator_torque_Nm"
+    path = written(tmp_path / "exo.csv", head, (t, np.degrees(q), force, tau))
     init_from_files(tmp_path / "study", [path])
+
+
+def test_two_positions_in_the_ratio_of_a_gear_are_one_joint(tmp_path):
+    t, q, tau = swing(rate=200.0)
+    noise = 0.01 * np.random.default_rng(4).standard_normal((2, len(t)))
+    columns = (t, 100.0 * np.degrees(q) + noise[0], np.degrees(q) + noise[1], tau / 100.0)
+    path = written(tmp_path / "d.csv", "time_s,Feedback1.Position [deg],Feedback2.Position [deg],Torque [Nm]", columns)
+    assert proposed(path).main.roles.joints == ()
+    with pytest.raises(PellucidError, match="gear_turns=100"):
+        init_from_files(tmp_path / "refused", [path])
+    init_from_files(tmp_path / "study", [path], answers={"gear_turns": "100"})
+    text = (tmp_path / "study" / "study.toml").read_text(encoding="utf-8")
+    assert 'position = { column = "Feedback2.Position [deg]"' in text
+
+
+def test_two_joints_that_move_alike_stay_joints(tmp_path):
+    t, q, tau = swing(rate=200.0)
+    other = 2.0 * swing(seed=2, rate=200.0)[1]
+    columns = (t, q, 2.0 * q + 0.1 * other, tau, 2.0 * tau)
+    path = written(tmp_path / "d.csv", "time_s,hip_q [rad],knee_q [rad],hip_tau [Nm],knee_tau [Nm]", columns)
+    assert proposed(path).main.roles.joints == ("hip_q", "knee_q")

@@ -58,8 +58,8 @@ COMMAND_WORDS = frozenset({
 """Words of names that tell a command from a measurement; a drive's limited command is the one that it follows."""
 
 INSTRUMENT_WORDS = frozenset({
-    "encoder", "sensor", "imu", "transducer", "loadcell", "goniometer", "gonio", "potentiometer", "dynamometer", "tachometer",
-    "resolver", "geber", "capteur", "sensore", "codeur",
+    "encoder", "sensor", "imu", "transducer", "loadcell", "goniometer", "gonio", "potentiometer", "dynamometer",
+    "tachometer", "resolver", "geber", "capteur", "sensore", "codeur",
 })  # fmt: skip
 """Words of instruments: what a reference encoder shows was measured, and not asked for."""
 

@@ -395,7 +395,17 @@ def _needs_gear(role: ColumnRole, proposal: Proposal) -> bool:
 
 def require_turns_of_motors(proposal: Proposal) -> None:
     """Raise a StudyError if positions are motors' and nothing says how often a motor turns for a turn of its joint."""
-    if "gear_turns" in proposal.answers or proposal.motor_turns != 1.0 or _measures_joint(proposal.main):
+    if "gear_turns" in proposal.answers:
+        return
+    gear = find_gear(proposal.main.roles, ("torque",) if proposal.drive == "torque" else ())
+    if gear is not None and gear.efforts and proposal.main.roles.geared and not gear.is_named:
+        motor, turns = next(iter(proposal.main.roles.geared.items()))
+        raise StudyError(
+            f'{proposal.main.tables[0].path.name}: column "{gear.efforts[0]}": found no side of the gear, although '
+            f'"{motor}" turns {turns:.4g} times as far as the joint; expected the turns of the motor for a turn of the '
+            f'joint if the torque is the motor\'s, and 1 if it is the joint\'s: --answer "gear_turns={turns:.4g}"'
+        )
+    if proposal.motor_turns != 1.0 or _measures_joint(proposal.main):
         return
     motors = (r for r in proposal.main.channels if r.quantity == "motor_position")
     role = next((r for r in motors if _needs_gear(r, proposal)), None)

@@ -107,6 +107,13 @@ class RoleLimits:
     counts_tolerance: float = 0.02
     # A position that ends within this share of its range from its start moves back and forth.
     max_one_way_share: float = 0.9
+    # A motor and its joint turn in one ratio: what is left is at most this share of the angle's deviation, by play
+    # and elasticity of the gear. Two joints of one machine are never so alike. Chosen by judgement.
+    max_geared_residual: float = 0.02
+    # A motor turns at least so many times for a turn of its joint; sensors of one angle differ by less.
+    min_gear_turns: float = 1.5
+    # Positions are compared among at most so many columns.
+    max_geared_positions: int = 20
     # Fits of efforts to motions are made for at most this many columns.
     max_effort_candidates: int = 40
 
@@ -152,6 +159,7 @@ class TableRoles:
     pairs: tuple[DerivativePair, ...] = ()
     commands: tuple[FollowedCommand, ...] = ()
     steady: tuple[ColumnRole, ...] = ()  # what the columns are that never change; they are left out as channels
+    geared: Mapping[str, float] = field(default_factory=dict)  # positions of motors, and turns for one of the joint
 
     def of(self, quantity: str) -> list[ColumnRole]:
         """Return the measured roles of a quantity, in the file's order."""
@@ -244,6 +252,7 @@ class _Assignment:
         self.keys: dict[str, dict[str, object]] = {}
         self.commands: list[FollowedCommand] = []
         self.joints: tuple[str, ...] = ()
+        self.geared: dict[str, float] = {}
 
     def run(self) -> TableRoles:
         self._leave_out_clocks_and_constants()
@@ -274,11 +283,13 @@ class _Assignment:
         for name, role in list(self.roles.items()):
             if role.unknown_unit and role.quantity not in ESSENTIAL_QUANTITIES:
                 self._leave_out(name, role.unit_why)
+        self._find_geared_positions()
         self._group_joints()
         roles = tuple(self.roles[name] for name in self.columns if name in self.roles)
         return TableRoles(
-            self.clock, self.rate, roles, self.joints, tuple(self.pairs), tuple(self.commands), tuple(self.steady)
-        )
+            self.clock, self.rate, roles, self.joints, tuple(self.pairs), tuple(self.commands), tuple(self.steady),
+            self.geared,
+        )  # fmt: skip
 
     def _angle(self, name: str) -> AngleUnit:
         """Return what a column's numbers tell of its unit as an angle, computed once."""
@@ -930,6 +941,28 @@ class _Assignment:
         if positions and positions[0].unit in ("rad", "deg", "turn", "m", "mm"):
             return replace(role, unit=positions[0].unit + suffix, unit_why="the position's unit per second")
         return role
+
+    def _find_geared_positions(self) -> None:
+        """Tell the position of a motor from its joint's, where both have a unit and are in the ratio of a gear."""
+        measured = [r for r in self.roles.values() if r.quantity == "position" and not r.is_command]
+        angles = [r.column for r in measured if r.unit_is_certain and is_known_unit(r.unit, "rad")]
+        for pair in combinations(angles[: ROLE_LIMITS.max_geared_positions], 2):
+            if any(name not in self.roles or name in self.geared for name in pair):
+                continue
+            x, y = (to_si_factor(self.roles[n].unit, None)[0] * self.names[n].scale * self.values[n] for n in pair)
+            good = np.isfinite(x) & np.isfinite(y)
+            if good.sum() < 50 or np.ptp(x[good]) == 0.0 or np.ptp(y[good]) == 0.0:
+                continue
+            slope, rest = np.polyfit(x[good], y[good], 1)
+            left = float(np.std(y[good] - slope * x[good] - rest)) / float(np.std(y[good]))
+            turns = max(abs(slope), 1.0 / max(abs(slope), 1e-12))
+            if left > ROLE_LIMITS.max_geared_residual or turns < ROLE_LIMITS.min_gear_turns:
+                continue
+            motor, joint = (pair[1], pair[0]) if abs(slope) > 1.0 else pair
+            self.geared[motor] = float(turns)
+            why = f'it turns {turns:.4g} times as far as "{joint}": a motor before a gear'
+            self.roles[motor] = replace(self.roles[motor], why=why)
+            self._make_extra(motor)
 
     def _group_joints(self) -> None:
         """Give each channel of several joints the name of its joint, and choose the main channel of a single one."""

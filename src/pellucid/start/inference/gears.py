@@ -43,10 +43,12 @@ def find_gear(roles: TableRoles, efforts: tuple[str, ...]) -> FoundGear | None:
     named = [r for r in driving if is_before_gear(r, positions[r.label])]
     # A torque that is named after the joint is behind the gear, whatever the speed is.
     moved = {channels[column].label for column in speeds}
+    if roles.geared:
+        moved |= set(positions)
     open_ones = [r for r in driving if r in named or (r.label in moved and side_of(r.column) != "output")]
-    if not speeds and not named:
+    if not speeds and not named and not roles.geared:
         return None
-    turns = min(speeds.values(), default=1.0)
+    turns = min((*speeds.values(), *roles.geared.values()), default=1.0)
     whole = round(turns)
     turns = float(whole) if abs(turns / whole - 1.0) < WHOLE_TURNS_TOLERANCE else float(f"{turns:.4g}")
     return FoundGear(turns, speeds, tuple(r.column for r in open_ones), bool(named))
