@@ -1,5 +1,7 @@
 """Logs of dashboards, radios and drives, each of which was once read wrongly or refused."""
 
+import warnings
+
 import numpy as np
 import pytest
 from test_front_door_names import controlled, proposed, roles_of, swing, written
@@ -302,3 +304,11 @@ def test_two_joints_that_move_alike_stay_joints(tmp_path):
     columns = (t, q, 2.0 * q + 0.1 * other, tau, 2.0 * tau)
     path = written(tmp_path / "d.csv", "time_s,hip_q [rad],knee_q [rad],hip_tau [Nm],knee_tau [Nm]", columns)
     assert proposed(path).main.roles.joints == ("hip_q", "knee_q")
+
+
+def test_names_in_letters_of_other_countries_are_drawn_without_a_warning(tmp_path):
+    t, q, tau = swing()
+    path = written(tmp_path / "drive.csv", "时间(s),关节角度(rad),力矩(N.m)", (t, q, tau))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        init_from_files(tmp_path / "study", [path])

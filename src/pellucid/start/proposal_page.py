@@ -185,7 +185,7 @@ def _page(proposal: Proposal, footer: str) -> Page:
             Tile("recordings", str(len(proposal.recordings))),
             Tile("channels", str(count), more=f"{guesses} to confirm"),
             Tile("sampling rate", f"{rate:.4g}" if rate else "unknown", "Hz" if rate else ""),
-            Tile("questions", str(len(proposal.asked)), more="each has a default"),
+            Tile("questions", str(len(proposal.asked)), more="each has a default" if proposal.asked else ""),
         ),
         sections,
         f"Written by pellucid {version('pellucid')}. {footer}",

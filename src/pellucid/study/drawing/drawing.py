@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -109,7 +110,9 @@ class Drawing:
     def still_svg(self) -> str:
         """Return the figure as an SVG file's text, in which nothing moves."""
         buffer = io.StringIO()
-        with matplotlib.rc_context(dict(MATPLOTLIB_SETTINGS)):
+        with matplotlib.rc_context(dict(MATPLOTLIB_SETTINGS)), warnings.catch_warnings():
+            # Text stays text, so that the reader's browser has the letters that this machine's font lacks.
+            warnings.filterwarnings("ignore", r"Glyph .* missing from font")
             self.figure.savefig(buffer, format="svg", metadata={"Date": None})
         return _rounded(buffer.getvalue())
 
