@@ -114,6 +114,9 @@ class RoleLimits:
     min_gear_turns: float = 1.5
     # Positions are compared among at most so many columns.
     max_geared_positions: int = 20
+    # Of two sensors of one angle, the joint's leaves less of the effort unexplained. More than this many times as much
+    # is no matter of noise. Chosen by judgement.
+    max_unexplained_ratio: float = 1.2
     # Fits of efforts to motions are made for at most this many columns.
     max_effort_candidates: int = 40
 
@@ -1080,7 +1083,14 @@ class _Assignment:
         if len(names) < 2:
             return
 
-        best = max(names, key=self._merit)
+        left = {name: rest for name in names if (rest := self._unexplained(name)) is not None}
+        least = min(left.values(), default=0.0)
+
+        def merit(name: str) -> tuple[float, int]:
+            own, still = self._merit(name)
+            return own - (name in left and left[name] > ROLE_LIMITS.max_unexplained_ratio * least), still
+
+        best = max(names, key=merit)
         for name in names:
             if name != best:
                 self._make_extra(name)
@@ -1103,8 +1113,6 @@ class _Assignment:
         merit -= 3.0 * (role.quantity == "current" and "d" in words)
         if role.quantity in DRIVE_QUANTITIES:
             merit += 3.0 * self._explained(name)
-        if role.quantity == "position":
-            merit += 3.0 * self._explains(name)
         return merit, -self.roughly_still(name)
 
     def _explained(self, name: str) -> float:
@@ -1115,13 +1123,14 @@ class _Assignment:
             self._shares[name] = max(shares, default=0.0)
         return self._shares[name]
 
-    def _explains(self, name: str) -> float:
-        """Return the largest share of an effort that the motion of a position explains: a late one explains less."""
-        motion = self._motions().get(name)
+    def _unexplained(self, name: str) -> float | None:
+        """Return the least share of an effort that the motion of an angle leaves unexplained: a late one leaves more;
+        None of what is no angle in a known unit."""
+        motion, radians = self._motions().get(name), self._radians(name)
         efforts = [n for n, r in self.roles.items() if r.quantity in DRIVE_QUANTITIES and not r.is_command]
-        if motion is None or not efforts:
-            return 0.0
-        return max(effort_share(self.values[effort], motion, self._radians(name)) for effort in efforts)
+        if motion is None or radians is None or not efforts:
+            return None
+        return 1.0 - max(effort_share(self.values[effort], motion, radians) for effort in efforts)
 
     def roughly_still(self, name: str) -> int:
         """Return the share of rows in which a column does not change [%]."""
