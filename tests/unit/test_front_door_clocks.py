@@ -312,3 +312,12 @@ def test_names_in_letters_of_other_countries_are_drawn_without_a_warning(tmp_pat
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         init_from_files(tmp_path / "study", [path])
+
+
+def test_weight_tells_the_turn_of_stated_counts(tmp_path):
+    t, q, tau = swing(rate=200.0)
+    counts = 20000.0 + np.round(8192.0 * q / (2.0 * np.pi))
+    found = proposed(written(tmp_path / "adc.csv", "t_s,enc_counts,torque_Nm", (t, counts, tau)))
+    (position,) = (r for r in found.main.channels if r.quantity == "position")
+    assert (position.unit, position.keys["counts_per_turn"]) == ("counts", 8192)
+    assert "counts_per_turn" not in {question.key for question in found.asked}

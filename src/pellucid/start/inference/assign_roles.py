@@ -829,6 +829,8 @@ class _Assignment:
                 sure = False
             if stated is None and (not sure or unit == "counts") and quantity != "reference":
                 decided = self._weighed(name)
+            elif stated == "counts" and quantity in ("position", "motor_position"):
+                self._weighed(name)  # the unit binds, and weight tells the counts of a turn
             if decided is not None:
                 unit, why, sure = decided
             elif stated is None and common is not None and not sure:
