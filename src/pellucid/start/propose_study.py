@@ -450,13 +450,7 @@ def require_possible_clock(proposal: Proposal) -> None:
     """Raise a StudyError if the motion refutes the unit of the clock, and another one makes it a usual one."""
     main, clock = proposal.main, proposal.main.roles.clock
     fitting = [unit for unit in UNIT_SECONDS if clock.column is not None and clock.would_be_usual(unit)]
-    if clock.is_impossible and "time_unit" not in proposal.answers:
-        raise StudyError(
-            f'{main.tables[0].path.name}: column "{clock.column}": found steps that are {clock.rate:.4g} Hz in '
-            f"{clock.unit}, expected a clock of at most {TIME_LIMITS.possible_rates_hz[1]:.4g} Hz: state its unit with "
-            f'--answer "time_unit={(fitting or ["s"])[-1]}"'
-        )
-    if not fitting or clock.rate is None:
+    if clock.rate is None:
         return
     for unit in fitting:
         rate = clock.rate * UNIT_SECONDS[clock.unit] / UNIT_SECONDS[unit]
@@ -477,6 +471,12 @@ def require_possible_clock(proposal: Proposal) -> None:
                 f'by {stated:.2g} {per}. Expected "{unit}", which gives usual values ({rate:.4g} Hz, {fits:.3g} '
                 f'{per}). Correct the unit in the file, or state it: --answer "time_unit={unit}"'
             )
+    if clock.is_impossible and "time_unit" not in proposal.answers:
+        raise StudyError(
+            f'{main.tables[0].path.name}: column "{clock.column}": found steps that are {clock.rate:.4g} Hz in '
+            f"{clock.unit}, expected a clock of at most {TIME_LIMITS.possible_rates_hz[1]:.4g} Hz: state its unit with "
+            f'--answer "time_unit={(fitting or ["s"])[-1]}"'
+        )
 
 
 def _clock_answer(answers: Mapping[str, str]) -> str | None:
