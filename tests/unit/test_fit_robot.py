@@ -113,7 +113,7 @@ def test_held_out_recordings_are_not_fitted_and_test_each_joint(robot, recorded,
     share = pl.fit_robot(robot, recorded, held_out=0.25, **OPTIONS)
     assert 0.0 < share.heldout_effort_error < 5.0
     assert np.isnan(fit.heldout_effort_error)
-    assert [str(each) for each in fit.answers] == ["cannot say: nothing was held out"] * 2
+    assert [str(each) for each in fit.answers] == ["cannot say: no recording was held out"] * 2
 
 
 @pytest.mark.parametrize(

@@ -190,19 +190,19 @@ def test_joints_that_move_only_together_are_named(tmp_path):
 def test_an_effort_of_the_wrong_sign_is_named(tmp_path):
     text = changed(("current.shoulder = { column = 0", "current.shoulder = { sign = -1, column = 0"))
     said = refused(tmp_path, text=text)
-    assert "channel motor_position.shoulder: found friction of joint shoulder that gives energy" in said
+    assert "channel motor_position.shoulder: found friction of joint shoulder that delivers energy" in said
     assert "write sign = -1 for the drive's channel, or, of turns.shoulder, for the position's" in said
 
 
 def test_a_gear_of_the_wrong_sign_is_named(tmp_path):
     """Of a motor that others share the torques no longer fit; of one alone the robot is another one."""
     said = refused(tmp_path, text=changed(("shoulder = -50.0", "shoulder = 50.0")))
-    assert "motor_position.elbow: found friction of joint elbow that gives energy" in said
+    assert "motor_position.elbow: found friction of joint elbow that delivers energy" in said
     assert "or of a joint that shares its motor" in said
     alone = changed(("shoulder = -50.0", "shoulder = 50.0"), ("{ shoulder = 30.0, elbow", "{ elbow"))
     said = refused(tmp_path, text=alone, gears=np.diag([-50.0, 30.0]))
     assert "channel motor_position.shoulder: found" in said
-    assert "of the efforts unexplained as with the sign of joint shoulder reversed" in said
+    assert "of the efforts unexplained as with the sign of joint shoulder" in said
     assert "try the opposite sign of turns.shoulder" in said
 
 
@@ -228,7 +228,7 @@ def test_a_sensor_behind_the_friction_shows_signs_by_what_bodies_need(tmp_path):
     said = refused_of(-needed)
     assert "found efforts that oppose what the stated bodies need (correlation -1.00)" in said
     said = refused_of(needed * [1.0, -1.0])
-    assert "of the efforts unexplained as with the effort of joint" in said
+    assert "of the efforts unexplained as with the sign of the effort of joint" in said
 
 
 def test_files_of_other_lengths_are_told(tmp_path):
