@@ -17,7 +17,7 @@ DIGITS = 9
 """Significant digits of the numbers in a card: far more than an estimate has."""
 
 LEFT_OUT = ("statistical", "made_from")
-"""Parts of a study's card that are left out: they serve comparisons and later steps of the same study."""
+"""Parts of a study's card that are excluded: they serve comparisons and later steps of the same study."""
 
 
 def rounded(value: object) -> object:

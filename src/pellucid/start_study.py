@@ -71,7 +71,7 @@ def init(
     Raises
     ------
     PellucidError
-        If not exactly one of them is named (a robot's file may stand beside `files`), there is none of that name, the
+        If not exactly one of them is named (a robot's file may accompany `files`), there is none of that name, the
         folder is not empty, files cannot be had or cannot be a robot's, or `check` refuses the study of `files`. A rig
         needs the distribution `pellucid-lab`.
 

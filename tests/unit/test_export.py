@@ -615,7 +615,7 @@ def test_without_a_measured_drive_the_first_line_says_what_is_not_found(study, u
     warning = warn_of_unmeasured_drive(probes=True)
     assert readme.splitlines()[2] == f"> **{warning}**"
     assert warn_of_export(folder) == warning
-    assert "| measurement of the drive's effort | no | usual, assumed |" in readme
+    assert "| measurement of the drive's effort | no | assumed, a typical value |" in readme
     assert "The start-up test is not commissioned" in readme
     printed = CliRunner().invoke(app, ["export", str(study.folder)])
     assert printed.exit_code == 0

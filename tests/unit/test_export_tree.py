@@ -95,7 +95,7 @@ def test_instruments_are_in_the_interface_and_the_readme(folder, tmp_path):
     readme = (folder / "README.md").read_text()
     assert readme.count("the study states no measurement of its drive") == M
     assert readme.count("the study states no second encoder") == M
-    assert readme.count("has no test at start-up") == M
+    assert readme.count("has no start-up test") == M
     assert "input.joint[k]" not in readme
     header = (folder / "pellucid_controller.h").read_text()
     assert "pellucid_sample drive[PELLUCID_JOINTS];" in header

@@ -138,7 +138,7 @@ def test_the_command_prints_and_writes_a_page(tmp_path):
     path.write_bytes(played("gain of drive"))
     run = CliRunner().invoke(app, ["incident", str(path)])
     assert run.exit_code == 0, run.output
-    assert 'The watch "drive_outside" acted' in run.output
+    assert 'The check "drive_outside" (' in run.output
     text = (tmp_path / "incident-page" / "index.html").read_text(encoding="utf-8")
     assert "drive_difference" in text
     assert "<svg" in text

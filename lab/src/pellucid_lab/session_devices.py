@@ -33,7 +33,7 @@ def bridge_stalls(setup: EngineSetup) -> EngineSetup:
 
 
 def virtual_elbow(*, conditions: Sequence[str], place: int, seed: int) -> EngineSetup:
-    """Return the elbow exoskeleton on the virtual person at a `place` in the study, from 0."""
+    """Return the elbow exoskeleton on the simulated person at a `place` in the study, from 0."""
     from .live import virtual_elbow as make
 
     return bridge_stalls(make(conditions=conditions, person=place, seed=seed))

@@ -74,7 +74,7 @@ def full_compensation(
     .. math::
         \tau = g[(s_1 x + s_0)\sin q + c\cos q] + \nu\dot q + \mathrm{sign}(\dot q)\,(\tau_{dry} + J |\dot q|^k).
 
-    `slider` [m]; `dead_band` [rad/s]; `acceleration` [rad/s^2]; `inertia` in place of the card's J upwards and
+    `slider` [m]; `dead_band` [rad/s]; `acceleration` [rad/s^2]; `inertia` replaces the card's J upwards and
     downwards, sign and all [kg*m^2]; `period` [s].
     """
     values: dict[str, float] = {}

@@ -498,7 +498,7 @@ class SupervisedLaw:
         time : float
             When everything was measured [s].
         *samples : float or None
-            In the order of `sensors`, SI; None, NaN or left out: the sensor says nothing.
+            In the order of `sensors`, SI; None, NaN or missing: no valid reading.
         drive, joint : float or None
             The effort that the drive measures [N m, or N], and a second encoder at the joint [rad, or m].
         token : int
@@ -610,7 +610,7 @@ def supervised(
         Whether a small wave of effort tests polarity and gain at start-up. There is no test where the law's effort
         limit is too small to move the joint; the supervisor's number ``test_effort`` is then 0.
     shaking : bool
-        Whether the power goes off after some two seconds in which the joint goes to and fro. It bounds what a drive
+        Whether the power goes off after an oscillation of some two seconds. It bounds what a drive
         adds unseen, and stops wearers who stir, polish or walk, too.
     rest_friction : float or None
         Friction of the joint at rest as it was identified, which the wave of that test must overcome [N m or N]; None

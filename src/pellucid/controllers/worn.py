@@ -22,7 +22,7 @@ friction of the drive before the spring is added, against which its torque loop 
 SPRING_INERTIA_FACTOR = 1.4
 """Largest ratio of the inertia that the drive's torque loop leaves to the one on the card [1].
 
-That inertia takes energy while a leg speeds up and returns it while the leg slows down, whatever the command. With an
+The inertia takes energy while a leg speeds up and returns it while the leg slows down, whatever the command. With an
 account of it by the motor's own encoder healthy starts on 80 foreign drives of 20261103 and 20261105 to 20261107 came
 to at most a quarter of the energy that any drive may add; without the account to twenty times as much."""
 

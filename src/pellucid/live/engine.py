@@ -197,7 +197,7 @@ class LiveEngine:
         folder : path
             For the files of the run; it is made.
         streams : bool
-            Whether streams of the lab streaming layer are taken in, and those of a virtual wearer sent.
+            Whether streams of the lab streaming layer are taken in, and those of a simulated wearer sent.
         recorder : bool
             Whether the recorder runs.
         ordinary : bool
@@ -437,7 +437,7 @@ class LiveEngine:
         count = int(self.region.last_command()["injections"]) + 1
         self.region.command(injections=count, injection=layout.INJECTION_KINDS.index(fault), injected_for=seconds)
 
-    # Tasks of a virtual wearer ---------------------------------------------------------------------------------------
+    # Tasks of a simulated wearer --------------------------------------------------------------------------------------
 
     def _give(self, task: Task) -> None:
         self.region.command(

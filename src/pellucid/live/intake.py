@@ -1,7 +1,7 @@
 """Take streams of the lab streaming layer in: `python -m pellucid.live.intake REGION TYPE... --names NAME...`.
 
 One process pulls every stream of the stated names, or of the stated types where no name is stated. It brings their
-times onto the host's clock, and writes them into rings beside the region. Recorder and session read there, so that
+times onto the host's clock, and writes them into rings next to the region. Recorder and session read there, so that
 neither's death loses a sample. A stream that falls silent is resolved again; one that comes back, by its name and
 source, goes on in its ring.
 """

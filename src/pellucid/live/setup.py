@@ -40,7 +40,7 @@ class Condition:
     law : SupervisedLaw or None
         Law that runs; None for a robot without power.
     worn : bool
-        Whether the robot is worn; a virtual wearer takes it off otherwise.
+        Whether the robot is worn; a simulated wearer takes it off otherwise.
     """
 
     name: str
@@ -115,7 +115,7 @@ class EngineSetup:
     period : float
         Control period [s].
     seed : int
-        Seed of a virtual wearer.
+        Random seed of a simulated wearer.
     wearer : WearerPlan or None
         Planner of a simulated wearer's movements; None if a person moves.
     streams : StreamsProgram or None

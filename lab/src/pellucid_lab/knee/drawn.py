@@ -22,7 +22,7 @@ BODY_RANGES: Mapping[str, tuple[float, float]] = {
     "ahead": (0.035, 0.060),  # rad
     "friction": (0.10, 0.26),  # viscous friction of the knee [N*m*s/rad]
 }
-"""Smallest and largest value of each number of a drawn body; values are uniform between them.
+"""Smallest and largest value of each number of a sampled body; values are uniform between them.
 
 Heights are normal: 1.64 m with a standard deviation of 0.05 m for women, 1.77 m with 0.06 m for men."""
 

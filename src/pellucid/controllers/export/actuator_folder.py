@@ -23,7 +23,7 @@ from .c_folder import template_folder
 from .simulator_model import LINK_SHARE
 
 ACTUATOR_PROGRAMS = {"isaaclab": "isaaclab_actuators.py", "mjx": "mjx_actuators.py"}
-"""Program for each simulator, beside ``actuators.json``."""
+"""Program for each simulator, in the folder of ``actuators.json``."""
 
 ACTUATORS_FILE = "actuators.json"
 """File with the numbers."""

@@ -10,7 +10,7 @@ Beyond a table's angles length goes on straight. Tables ship with the package (`
 licence; ``examples/muscle_geometry_tables.py`` makes them again. Angles have the model's own signs: in gait2392 hip
 flexion, knee *extension* (0 straight) and ankle dorsiflexion are positive.
 
-Functions of a model's coordinates, with their slopes: where a joint moves, what a coupled coordinate does.
+Functions of a model's coordinates, with their slopes: positions of joints, and values of coupled coordinates.
 
 Length of a muscle with its tendon as a polynomial of the angles of the joints that it crosses.
 

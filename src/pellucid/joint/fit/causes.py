@@ -94,7 +94,7 @@ class Cause:
     unit : str
         Unit of the size.
     share : float
-        Share of the residual's variance on left-out stretches of the fitted recordings that it explains beside load
+        Share of the cross-validated residual variance that it explains in addition to load
         friction; NaN if no model can tell.
     half_width : float
         Half the confidence interval of the size; NaN where the size is a rough one.

@@ -84,7 +84,7 @@ class JointEstimate(Estimates):
     between_recordings : RecordingDrift or None
         Parameters by recording and their spread, of least squares; None where fewer than two recordings tell them.
     notes : tuple of str
-        Notes of the method (active bounds, samples left out, weights).
+        Notes of the method (active bounds, excluded samples, weights).
     """
 
     model: JointModel

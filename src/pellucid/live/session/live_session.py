@@ -174,7 +174,7 @@ class LiveSession:
     unattended : bool
         Whether consent, readiness, starts and verdicts are given without a person: for virtual devices alone.
     executor : Executor
-        Runs checks beside the loop.
+        Executor that runs checks in parallel to the loop.
     finish : callable
         Called with the study at the end, in the executor; returns the report's path and lines for the operator.
     clock : callable
@@ -297,7 +297,7 @@ class LiveSession:
         ----------
         role : str
         heard : float, optional
-            When it was heard last, on the session's clock [s]; now if left out.
+            Time of the last message, on the session's clock [s]; by default now.
         is_silent : bool
             Whether the page is open and does not answer.
         """

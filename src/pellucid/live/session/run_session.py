@@ -99,7 +99,7 @@ def live(
     engine : callable, optional
         Makes the engine of a study and its plan, instead of the device that study.toml names.
     show_evaluation : callable, optional
-        Returns a context whose function is told the progress of the commands at the end.
+        Returns a context whose function receives the progress of the commands at the end.
 
     Returns
     -------

@@ -345,7 +345,7 @@ def _unrecorded_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
 
 
 def _posterior_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
-    """Yield verdicts on the posterior: its convergence, what the recording determines, and its predictions."""
+    """Yield verdicts on the posterior: convergence, the parameters that the recording determines, predictions."""
     posterior = found.posterior
     if posterior is None:
         return

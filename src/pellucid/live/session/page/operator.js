@@ -5,7 +5,7 @@ const DEGREES = 180 / Math.PI, WINDOW_S = 10, CAPACITY = 26000, COLUMNS = 500, D
 const ADVICE = {
   consent: "The participant reads the consent and agrees on their page.",
   instructions: "The participant reads what to do and says when they are ready.",
-  preparing: "The law changes, and the person comes to the first angle.",
+  preparing: "The controller changes, and the participant moves to the first angle.",
   running: "The trial runs.", saving: "The recording is being completed.", judging: "The recording is being checked.",
   finishing: "The session is being evaluated: this takes a while.", finished: "The session is over.",
 };
@@ -112,7 +112,7 @@ function buildCharts() {
   addChart(0, "Angle", "°", [line("target", "target", "heldout", DEGREES, [6, 4]), line("limb", "limb", "good", DEGREES), line("position", "robot", "fitted", DEGREES)], 150);
   addChart(0, "Velocity", "°/s", [line("velocity", "measured", "fitted", DEGREES)], 96);
   addChart(0, "Torque", "N·m", [line("torque", "command", "ink"), line("drive", "drive", "symmetric", 1, [4, 3]), line("interaction", "on the person", "heldout"), line("estimate", "estimated from EMG, with 95 %", "good"), bound("estimate_low"), bound("estimate_high")], 150);
-  addChart(0, "Lateness of a cycle", "ms", [line("lateness", "", "measured", 1e3)], 84);
+  addChart(0, "Delay of a cycle", "ms", [line("lateness", "", "measured", 1e3)], 84);
 }
 
 // Eight channels above one another, each with its own colour; a step is the largest of them.
@@ -146,7 +146,7 @@ session.onText = (told) => {
 };
 session.onClose = () => {
   const over = state && state.phase === "finished";
-  $("kicker").textContent = over ? "The session is over and its program has ended. This page can be closed." : "No connection to the session. Stop the robot by its own switch.";
+  $("kicker").textContent = over ? "The session is over and its program has ended. This page can be closed." : "No connection to the session. Switch off the robot's power.";
   if (over) $("report-line").hidden = true;
 };
 
@@ -167,7 +167,7 @@ function showState() {
   $("robot").firstChild.className = "lamp " + lamp;
   $("robot").lastChild.textContent = (stopped && !engine.state.needs_reset && !lost ? "stopped: " : "") + engine.state.words + why;
   $("reset").hidden = !stopped;
-  $("advice").textContent = lost ? "The engine does not answer. Take the robot's power off by its own switch." : state.recorder ? `Nothing can be recorded: the recorder ${state.recorder}.` : phase === "rest" ? `Rest for ${clock(state.rest)}.` : phase === "judged" ? judgedWords() : phase === "waiting" ? (state.missing_streams.length ? `Not heard: ${state.missing_streams.join(", ")}.` : "Ready for the next trial.") : ADVICE[phase];
+  $("advice").textContent = lost ? "The engine does not respond. Switch off the robot's power." : state.recorder ? `Recording is not possible: the recorder ${state.recorder}.` : phase === "rest" ? `Rest for ${clock(state.rest)}.` : phase === "judged" ? judgedWords() : phase === "waiting" ? (state.missing_streams.length ? `Not received: ${state.missing_streams.join(", ")}.` : "Ready for the next trial.") : ADVICE[phase];
   for (const [id, when] of [["start", phase === "waiting"], ["accept", phase === "judged"], ["repeat", phase === "judged"], ["skip_rest", phase === "rest"], ["end_trial", phase === "running" || phase === "preparing"]]) $(id).hidden = !when;
   const again = phase === "judged" && state.judged && state.judged.reason !== "";
   $("accept").className = again ? "" : "main";
@@ -214,7 +214,7 @@ function showFigures() {
     ["Angle", now.pointer === null ? "–" : number(now.pointer * DEGREES, 1), "°", engine.position_limits.length === 2 && engine.position_limits[0] !== null ? `limits ${number(engine.position_limits[0] * DEGREES, 0)}° to ${number(engine.position_limits[1] * DEGREES, 0)}°` : "no limits known"],
     ["Command", number(now.torque, 1), "N·m", engine.effort_limit === null ? "no limit known" : `limit ${number(engine.effort_limit, 1)} N·m`],
     ["On the person", number(now.interaction, 1), "N·m", "interaction, measured"],
-    ["Estimated from EMG", estimate ? number(estimate.torque, 1) : "–", estimate ? `± ${number(estimate.half_width, 1)} N·m` : "", estimate ? `95 %; error ${number(estimate.error, 1)}, a mean's ${number(estimate.error_of_mean, 1)}` : withoutEstimate()],
+    ["Estimated from EMG", estimate ? number(estimate.torque, 1) : "–", estimate ? `± ${number(estimate.half_width, 1)} N·m` : "", estimate ? `95 %; error ${number(estimate.error, 1)}, of the mean ${number(estimate.error_of_mean, 1)}` : withoutEstimate()],
   ];
   $("figures").replaceChildren(...rows.map(([what, figure, unit, more]) => {
     const box = element("div"), value = element("span", figure + " ", "figure");
@@ -227,7 +227,7 @@ function showFigures() {
 function withoutEstimate() {
   const [error, ofMean] = state.estimate_errors;
   if (error === null) return "after two trials with EMG";
-  return error < ofMean ? "a sample is missing" : `not shown: error ${number(error, 1)} N·m, a mean's ${number(ofMean, 1)}`;
+  return error < ofMean ? "a sample is missing" : `not shown: error ${number(error, 1)} N·m, of the mean ${number(ofMean, 1)}`;
 }
 
 function showLevels() {
