@@ -184,7 +184,7 @@ def _file_pages(place: Path, recordings: Path) -> list[Made]:
     return [
         Made("audit", audited, ()),
         Made("proposal", place / "proposed" / "proposal" / "index.html", ()),
-        Made("try", tried.page, ()),
+        Made("try", tried.page, (tried.study.results_path,)),
         *(Made(f"incident-{kind}", _incident_page(place / kind, kind), ()) for kind in ("jump", "silent")),
     ]
 
