@@ -154,7 +154,7 @@ No results file is stored for these claims, so that their figures are not on thi
 PAPERS = """
 ## Reproduced papers
 
-Each command re-enacts the experiments of a paper on a virtual rig. Its page shows every printed figure next to the
+Each command re-enacts on a virtual rig the experiments of a paper. Its page shows every printed figure next to the
 computed one. A published value belongs to another, real machine, and is no baseline.
 
 - `pellucid reproduce able --out able`: D. Verdel, S. Bastide, N. Vignais, O. Bruneau and B. Berret (2021), "An
