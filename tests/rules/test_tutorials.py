@@ -73,6 +73,7 @@ NOT_RUN = {
     ],
     "register-an-analysis-before-the-data.md": ["needs a study of your own"],
     "run-an-emg-estimator-on-a-microcontroller.md": ["a part of the program of a microcontroller"],
+    "use-a-controller-in-ros2-control.md": ["needs ROS 2"],
     "use-a-recording-with-a-known-payload.md": ["a part of a study of a robot"],
     "use-it-from-matlab.md": 2 * ["needs MATLAB"],
 }
