@@ -533,7 +533,7 @@ def test_what_lies_in_the_folder_already_is_neither_compiled_nor_run(study, tmp_
     (folder / "build").mkdir()
     (folder / "build" / "record").write_text(f"#!/bin/sh\ntouch {sign}\n", encoding="utf-8")
     (folder / "build" / "record").chmod(0o755)
-    with pytest.raises(PellucidError, match="controller: found include, without a word"):
+    with pytest.raises(PellucidError, match="controller: found include, which an export of Pellucid did not write"):
         pellucid.export(study)
     pellucid.export(study, overwrite=True)
     assert check_on_host(folder)[1] == 0

@@ -55,34 +55,34 @@ COMMAND_WORDS = frozenset({
     "comando", "comandato", "comandata", "desiderato", "desiderata", "consigna", "referencia", "deseado", "deseada",
     "objetivo", "referência", "desejado", "desejada", "alvo", "referentie", "gewenst", "gewenste", "börvärde",
 })  # fmt: skip
-"""Words of names that tell a command from a measurement; a drive's limited command is the one that it follows."""
+"""Words of names that mark a command rather than a measurement; a drive follows its limited command."""
 
 INSTRUMENT_WORDS = frozenset({
     "encoder", "sensor", "imu", "transducer", "loadcell", "goniometer", "gonio", "potentiometer", "dynamometer",
     "tachometer", "resolver", "geber", "capteur", "sensore", "codeur",
 })  # fmt: skip
-"""Words of instruments: what a reference encoder shows was measured, and not asked for."""
+"""Words of instruments; with one of them, "reference" names a measurement (a reference encoder), not a command."""
 
 COMMAND_PARTS = (
     "指令", "目标", "目標", "期望", "给定", "給定", "设定", "設定", "命令", "参考", "목표", "지령", "명령", "설정",
     "задан", "целев",
 )  # fmt: skip
-"""Parts of names that tell a command in languages that write several words as one."""
+"""Parts of names that mark a command in languages that write several words as one."""
 
 COMPUTED_WORDS = frozenset({"error", "err", "feedforward", "feedback", "ff", "fb", "gain", "estimated", "model"})
-"""Words of names that say that a program computed the column from others."""
+"""Words of names that mark a column as computed from others."""
 
 MEASURED_WORDS = frozenset({
     "measured", "meas", "actual", "act", "sensor", "present", "ist", "istwert", "gemessen",
     "mesuré", "mesurée", "mesure", "misurato", "misurata", "effettivo", "effettiva", "medido", "medida", "ärvärde",
 })  # fmt: skip
-"""Words of names that say that the column was measured."""
+"""Words of names that mark a column as measured."""
 
 MEASURED_PARTS = (
     "实测", "實測", "实际", "實際", "反馈", "反饋", "测量", "測量", "測定", "実測", "現在", "検出", "실측", "측정",
     "현재", "실제", "фактич", "измерен",
 )  # fmt: skip
-"""Parts of names that say that the column was measured, in languages that write several words as one."""
+"""Parts of names that mark a column as measured, in languages that write several words as one."""
 
 QUANTITY_PARTS = {
     "time": ("时间", "時間", "時刻", "시간", "시각", "время"),
@@ -100,15 +100,15 @@ QUANTITY_PARTS = {
 LANGUAGE_PARTS = frozenset(
     {*COMMAND_PARTS, *MEASURED_PARTS, *(part for each in QUANTITY_PARTS.values() for part in each)}
 )
-"""Parts of names in languages of other letters than Latin ones: a text in the wrong encoding holds none of them."""
+"""Parts of names in scripts other than Latin; a text in the wrong encoding contains none of them."""
 
 INTERACTION_WORDS = frozenset({"interaction", "human", "user", "contact", "cuff", "strap", "wearer"})
-"""Words of names that tell an effort between robot and person."""
+"""Words of names that mark an effort between robot and person."""
 
 MACHINE_WORDS = frozenset({
     "actuator", "exo", "exoskeleton", "exosuit", "orthosis", "prosthesis", "motor", "robot", "drive", "device",
 })  # fmt: skip
-"""Words of names of efforts that a machine makes, and no muscle."""
+"""Words of names that mark an effort as a machine's rather than a muscle's."""
 
 JOINT_WORDS = (
     "hip", "knee", "ankle", "shoulder", "elbow", "wrist", "finger", "thumb", "lumbar", "pelvis", "subtalar", "mtp",

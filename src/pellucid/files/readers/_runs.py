@@ -1,4 +1,4 @@
-"""Part recordings that stand beside each other in one table, each column named after its run."""
+"""Separate recordings that share one table, where each column's name contains its run."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _RUN_FIRST = re.compile(rf"(?P<run>{_RUN})\s*[:|]\s*(?P<stem>.+)", re.IGNORECASE
 
 
 def with_own_runs(columns: Columns) -> Columns:
-    """Return columns in which each run that stands beside the others in a table is a recording of its own.
+    """Return columns in which each run of a table with several runs is a separate recording.
 
-    Data loggers for teaching export so: ``Time (s) Run #1, Angle (rad) Run #1, Time (s) Run #2, ...``, and
-    ``Run 1: Time (s)``. The runs have the same columns, each its times, and end in empty cells.
+    Data loggers for teaching export such tables: ``Time (s) Run #1, Angle (rad) Run #1, Time (s) Run #2, ...``, or
+    ``Run 1: Time (s)``. All runs have the same columns, with times of their own, and shorter runs end in empty cells.
     """
     if columns.recordings:
         return columns
@@ -57,6 +57,6 @@ def _run_of(name: str) -> tuple[str, str] | None:
 
 
 def _rows(values: Mapping[str, np.ndarray | str], names: Mapping[str, str]) -> int:
-    """Return how many rows a run has up to its last number."""
+    """Return the number of rows of a run up to its last number."""
     known = [np.flatnonzero(np.isfinite(x)) for name in names.values() if isinstance(x := values[name], np.ndarray)]
     return max((int(rows[-1]) + 1 for rows in known if rows.size), default=0)
