@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_muscles import trial
 
-from pellucid.emg.estimators.condition_choice import ConditionTestErrors, choose_estimator, run_condition_tests
+from pellucid.emg.estimators.condition_choice import run_condition_tests
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.muscle_trials import make_muscle_samples
 from pellucid.emg.estimators.neural_network import Ridge
@@ -106,17 +106,6 @@ def test_muscles_weigh_trials_unless_a_published_method_asks_otherwise():
     assert set(plain.weight.tolist()) <= {0.0, 1.0}
     published = [n for n, f in ESTIMATOR_FAMILIES.items() if f.reconstruction or n.endswith("_published")]
     assert not any(ESTIMATOR_FAMILIES[n].weight_argument for n in published)
-
-
-def test_the_choice_between_estimators_weighs_trials_too():
-    def tested(rmse, weighted=()):
-        return ConditionTestErrors(("slow", "fast", "faster"), rmse, 1.0, 3, weighted)
-
-    # Boosting errs less in newton metres, ridge regression less in what each trial can tell.
-    rmse = {"ridge": (5.0, 14.0, 14.1), "boost": (6.0, 10.0, 10.1)}
-    assert choose_estimator({name: tested(each) for name, each in rmse.items()}) == "boost"
-    weighted = {"ridge": (3.0, 3.0, 3.1), "boost": (9.0, 9.1, 9.2)}
-    assert choose_estimator({name: tested(rmse[name], weighted[name]) for name in rmse}) == "ridge"
 
 
 def test_condition_tests_report_errors_by_weight():

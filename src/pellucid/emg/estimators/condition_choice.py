@@ -1,21 +1,33 @@
-r"""Choose the estimator to recommend for movements unlike those fitted: refit each on some, test it on others.
+r"""Choose the estimator to recommend: refit each candidate on some conditions, test it on the others, and weigh them.
 
-If several recordings, sessions or repetitions are fitted, each is held out in turn. A single recording is divided by
-its own variety. Estimators fitted to fast strides are tested on slow ones, and the reverse. Estimators fitted to the
-rest are tested on the fifth of the samples with the largest effort, and on the fifth with the highest speed. Every
-method is tested on the same samples, with the features and settings that it chose before.
+Candidates are all families with all their penalties, with and without EMG. If several recordings, sessions or
+repetitions are fitted, each is left out whole. A single recording is divided into blocks. Two recordings alone hardly
+tell how candidates differ between recordings: blocks of both then count as much as leaving each out. Every candidate is
+tested on the same samples, with the features and settings that it chose before.
 
-Let :math:`e_{ki}` be the RMSE of method k in test i, weighed by the noise model of `find_trial_weights`, so that the
-trial with the largest torques does not decide. The best method has the smallest mean of :math:`e_{ki}^2`. Methods are
-equally good if their mean exceeds the best by no more than one standard error of the paired differences. Among equally
-good methods, the one that extrapolates best by its form comes first: muscles held by anatomy, then muscles that are
-not, then linear models, then models that stay within the torques they have seen.
+Let :math:`e_k` be the errors of candidate k in the tests, with trials weighed by the noise model of
+`find_trial_weights`. The recommended estimator is the weighted mean of the candidates [1]_ with
+
+.. math:: \min_w \sum_i s_i \overline{\Big(\sum_k w_k e_{ki}\Big)^2} + \frac{\sigma^2}{n} \sum_k w_k^2,
+    \qquad w_k \ge 0, \quad \sum_k w_k = 1 .
+
+Shares :math:`s_i` of the n tests have the sum 1. The last term stands for what n tests leave unknown of each
+candidate's mean square error, with :math:`\sigma^2` that of the best. A candidate that receives nearly all of the
+weight is recommended alone.
+
+The tests say nothing of a recording that is unlike all fitted ones, by its angles and envelopes. There the candidate
+that extrapolates best by its form is recommended: muscles held by anatomy.
+
+The error band follows from harder tests of a single recording: slow strides test what was fitted to fast ones, and the
+reverse; the fifth of the samples with the most effort, and the fifth with the most speed, test the rest.
+
+.. [1] L. Breiman, "Stacked regressions", Machine Learning 24, 1996.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +36,8 @@ from ..._errors import IdentificationError
 from ..fit.muscle_calibration import MuscleProblem, solve_calibration
 from .adaptive_correction import UncoupledMap, uncouple_trial
 from .causal_map import STRIDE_SEARCH, find_period
-from .families import ESTIMATOR_FAMILIES
+from .cross_validation import block_folds
+from .families import ESTIMATOR_FAMILIES, STACKED
 from .hill import HillMap
 from .muscle_trials import count_warm_up_samples, make_muscle_samples
 from .torque_map import MAP_FITTING, TorqueMap
@@ -36,6 +49,18 @@ MAX_TEST_COUNT = 5
 
 Chosen by judgement; no measurement is recorded.
 """
+
+MIN_SOLE_WEIGHT = 0.9
+"""Weight from which a candidate is recommended alone: the others together change its estimate little.
+
+Chosen by judgement; no measurement is recorded.
+"""
+
+LEFT_OUT_WORDS = "without"
+"""Beginning of the description of a test that leaves out a condition."""
+
+ANATOMY_RANK = 0
+"""Extrapolation rank of muscles that anatomy holds."""
 
 FITTED_CALM_SHARE = 0.8
 """Share of the samples that are fitted if those with the most effort or speed are the test set.
@@ -72,6 +97,7 @@ class ConditionTest:
     words: str  # Description of the test
     fitted: np.ndarray = field(repr=False)  # Indices of the fitted samples
     judged: np.ndarray = field(repr=False)  # Indices of the test samples
+    share: float = 1.0  # How much the test counts in the choice, relative to the others
 
 
 @dataclass(frozen=True)
@@ -86,6 +112,12 @@ class ConditionTestErrors:
     weighted_rmse: tuple[float, ...] = ()
     # Share of the errors of each test within the band that the other tests give; None with fewer than three tests
     left_out_coverage: float | None = None
+    # Errors in each test, shape (n,) each [N m], and the weights of their samples by the noise model
+    errors: tuple[np.ndarray, ...] = field(default=(), repr=False, compare=False)
+    weights: tuple[np.ndarray, ...] = field(default=(), repr=False, compare=False)
+    shares: tuple[float, ...] = ()  # How much each test counts in the choice; empty: the same
+    # Errors in the tests that give the band, shape (n,) each [N m]
+    band_errors: tuple[np.ndarray, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def mean(self) -> float:
@@ -94,32 +126,163 @@ class ConditionTestErrors:
 
 
 def is_candidate(name: str) -> bool:
-    """Return whether an estimator may be recommended.
+    """Return whether an estimator may be recommended, alone or in a weighted mean, with EMG or without.
 
-    It must see EMG and have settings to choose from or be made of muscles. It must not see the measured torque, and not
-    be a reconstruction of another paper's method.
+    It must not see the measured torque, and not be another paper's method.
     """
     family = ESTIMATOR_FAMILIES[name]
     own = not family.sees_measured_torque and not family.reconstruction
-    return family.muscles and own and (family.fit_trials is not None or len(family.settings) > 1)
+    return own and (family.fit_trials is not None or bool(family.weight_argument))
 
 
-def choose_estimator(found: Mapping[str, ConditionTestErrors]) -> str:
-    """Return the name of the estimator to recommend, from results of the same tests by name."""
-    errors = {name: np.square(each.weighted_rmse or each.rmse) for name, each in found.items()}
-    whole = np.isfinite(np.array(list(errors.values()))).all(axis=0)
-    if not whole.any():
+@dataclass(frozen=True)
+class Recommendation:
+    """Weights of the candidates in the recommended estimator."""
+
+    weights: Mapping[str, float]  # Weight of each candidate with one, the largest first
+    # The same from the tests without one of them, each left out in turn: how far the choice depends on the tests
+    jackknife: tuple[Mapping[str, float], ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the candidate that is recommended alone, otherwise `STACKED`."""
+        return next(iter(self.weights)) if len(self.weights) == 1 else STACKED
+
+    def predict(self, predicted: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the weighted mean of the candidates' torques, shape (n,) each [N m]."""
+        return weighted_mean(self.weights, predicted)
+
+
+def weighted_mean(weights: Mapping[str, float], predicted: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the weighted mean of torques by candidate, shape (n,) each [N m]."""
+    return np.sum([weight * predicted[name] for name, weight in weights.items()], axis=0)
+
+
+def recommend(found: Mapping[str, ConditionTestErrors]) -> Recommendation:
+    """Return the weights of the candidates, from results of the same tests by name."""
+    finite = np.isfinite([each.weighted_rmse or each.rmse for each in found.values()])
+    whole = np.flatnonzero(finite.all(axis=0))
+    if not len(whole):
         raise IdentificationError(f"choice: found no test in which {', '.join(found)} all predict, expected one")
-    errors = {name: error[whole] for name, error in errors.items()}
-    means = {name: float(error.mean()) for name, error in errors.items()}
-    best = min(means, key=lambda name: means[name])
+    if not all(each.errors for each in found.values()):
+        means = {n: float(np.mean(np.square(each.weighted_rmse or each.rmse)[whole])) for n, each in found.items()}
+        return Recommendation({min(means, key=lambda name: means[name]): 1.0})
+    moments = np.array([_error_moments(list(found.values()), i) for i in whole])
+    names, shares = list(found), np.array(next(iter(found.values())).shares or np.ones(finite.shape[1]))[whole]
 
-    def unsure(name: str) -> float:
-        apart = errors[name] - errors[best]
-        return float(apart.std(ddof=1) / np.sqrt(len(apart))) if len(apart) > 1 else 0.0
+    def solve(kept: np.ndarray) -> dict[str, float]:
+        total = np.average(moments[kept], axis=0, weights=shares[kept])
+        return _solve_weights(names, total + np.eye(len(names)) * np.diag(total).min() / len(kept))
 
-    alike = [name for name in means if means[name] - means[best] <= unsure(name)]
-    return min(alike, key=lambda name: (ESTIMATOR_FAMILIES[name].extrapolation_rank, means[name]))
+    every = np.arange(len(whole))
+    left_out = [solve(np.delete(every, i)) for i in every] if len(every) > 1 else []
+    return Recommendation(solve(every), tuple(left_out))
+
+
+def _error_moments(each: Sequence[ConditionTestErrors], test: int) -> np.ndarray:
+    """Return the mean products of the candidates' weighed errors in a test, shape (k, k)."""
+    errors = np.column_stack([one.errors[test] for one in each])
+    weight = each[0].weights[test] if each[0].weights else np.ones(len(errors))
+    return (weight[:, None] * errors).T @ errors / len(errors)
+
+
+def _solve_weights(names: Sequence[str], moments: np.ndarray) -> dict[str, float]:
+    """Return the weights of least mean square error, at least 0 with the sum 1, the largest first.
+
+    Candidates of less than `1 - MIN_SOLE_WEIGHT` together beside a single one are left out.
+    """
+    from scipy.optimize import nnls
+
+    count = len(names)
+    scale = np.trace(moments) / count
+    if not scale > 0.0:
+        return {names[0]: 1.0}
+    # Weights w = u / sum(u) of the least w' M w solve the non-negative least squares of M u = 1.
+    root = np.linalg.cholesky(moments / scale + 1e-9 * np.eye(count))
+    found, _ = nnls(root.T, np.linalg.solve(root, np.ones(count)))
+    weights = dict(zip(names, (found / found.sum()).tolist(), strict=True))
+    ordered = dict(sorted(weights.items(), key=lambda pair: -pair[1]))
+    first = next(iter(ordered))
+    if ordered[first] >= MIN_SOLE_WEIGHT:
+        return {first: 1.0}
+    return {name: weight for name, weight in ordered.items() if weight > 0.0}
+
+
+def find_extrapolator(found: Mapping[str, ConditionTestErrors]) -> str | None:
+    """Return the candidate to use on recordings unlike all fitted ones: muscles held by anatomy; None without any."""
+    held = [name for name in found if ESTIMATOR_FAMILIES[name].extrapolation_rank == ANATOMY_RANK]
+    return min(held, key=lambda name: np.nan_to_num(found[name].mean, nan=np.inf), default=None)
+
+
+def combine_tests(found: Mapping[str, ConditionTestErrors], weights: Mapping[str, float]) -> ConditionTestErrors:
+    """Return the test errors of the weighted mean of candidates."""
+    first = found[next(iter(weights))]
+    if len(weights) == 1:
+        return first
+    errors, band_errors = (
+        [np.sum([w * getattr(found[n], kind)[i] for n, w in weights.items()], axis=0) for i in range(count)]
+        for kind, count in (("errors", len(first.errors)), ("band_errors", len(first.band_errors)))
+    )
+    return _report_errors(first.words, errors, first.weights, band_errors, first.conditions, first.shares)
+
+
+def _report_errors(
+    words: Sequence[str],
+    errors: Sequence[np.ndarray],
+    weights: Sequence[np.ndarray],
+    band_errors: Sequence[np.ndarray],
+    conditions: int,
+    shares: Sequence[float],
+) -> ConditionTestErrors:
+    """Return what errors in tests, shape (n,) each [N m], say of an estimator."""
+    return ConditionTestErrors(
+        tuple(words),
+        tuple(float(np.sqrt(np.mean(e**2))) if len(e) else float("nan") for e in errors),
+        find_error_band(band_errors, conditions),
+        conditions,
+        tuple(
+            float(np.sqrt(np.mean(w * e**2))) if len(e) else float("nan") for e, w in zip(errors, weights, strict=True)
+        )
+        if weights
+        else (),
+        find_left_out_coverage(band_errors, conditions),
+        tuple(errors),
+        tuple(weights),
+        tuple(shares),
+        tuple(band_errors),
+    )
+
+
+def make_choice_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...]:
+    """Return the tests by which candidates are weighed: conditions left out in turn, or blocks of a single one.
+
+    Two conditions and blocks of both count the same.
+    """
+    count = len(set(_condition_of_each_trial(trials)))
+    if count >= ERROR_BAND.min_conditions:
+        return make_condition_tests(trials)
+    blocks = _make_block_tests(trials)
+    if count == 1:
+        return blocks
+    conditions = make_condition_tests(trials)
+    return tuple(replace(test, share=1.0 / len(own)) for own in (conditions, blocks) for test in own)
+
+
+def _make_block_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...]:
+    """Return tests that leave out the first block of every trial, then the second and so on, with gaps."""
+    fitted: list[list[np.ndarray]] = [[] for _ in range(MAP_FITTING.block_count)]
+    judged: list[list[np.ndarray]] = [[] for _ in range(MAP_FITTING.block_count)]
+    start = 0
+    for trial in trials:
+        counted = np.arange(len(trial)) >= count_warm_up_samples(trial)
+        for i, fold in enumerate(block_folds(trial.time, MAP_FITTING.block_count, MAP_FITTING.fold_gap_s)):
+            for rows, made in zip(fold, (fitted, judged), strict=True):
+                made[i].append(start + rows[counted[rows]])
+        start += len(trial)
+    return tuple(
+        ConditionTest(f"block {i}", np.concatenate(kept), np.concatenate(out))
+        for i, (kept, out) in enumerate(zip(fitted, judged, strict=True), start=1)
+    )
 
 
 def make_condition_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...]:
@@ -136,9 +299,8 @@ def make_condition_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, 
     conditions = _group_conditions(trials, of)
     if len(conditions) > 1:
         member = np.repeat(of, [len(t) for t in trials])
-        return tuple(
-            test(f"without {', '.join(out)}", ~np.isin(member, out), np.isin(member, out)) for out in conditions
-        )
+        parts = [(f"{LEFT_OUT_WORDS} {', '.join(out)}", np.isin(member, out)) for out in conditions]
+        return tuple(test(words, ~inside, inside) for words, inside in parts)
     (trial,) = trials
     v = _joint_speed(trial)
     slow = _is_slow_stride(v, trial.fs)
@@ -192,31 +354,27 @@ def run_condition_tests(fit: Any, trials: Sequence[TorqueTrial]) -> ConditionTes
     `fit` is the estimator fitted to all of the trials.
     """
     torque = np.concatenate([t.torque for t in trials])
-    tests = make_condition_tests(trials)
     predict = (
         _make_map_predictor(fit, trials, torque) if isinstance(fit, TorqueMap) else _make_muscle_predictor(fit, trials)
     )
+
+    def run(tests: Sequence[ConditionTest]) -> list[np.ndarray]:
+        errors = []
+        for test in tests:
+            try:
+                errors.append(predict(test) - torque[test.judged])
+            except IdentificationError:  # The test holds no samples that can be fitted
+                errors.append(np.full(max(1, len(test.judged)), np.nan))
+        return errors
+
     weight = find_row_weights([t.torque for t in trials])
-    errors = []
-    for test in tests:
-        try:
-            errors.append(predict(test) - torque[test.judged])
-        except IdentificationError:  # The test holds no samples that can be fitted
-            errors.append(np.full(max(1, len(test.judged)), np.nan))
-    conditions = len(set(_condition_of_each_trial(trials)))
-    return ConditionTestErrors(
-        tuple(test.words for test in tests),
-        tuple(float(np.sqrt(np.mean(e**2))) for e in errors),
-        find_error_band(errors, conditions),
-        conditions,
-        ()
-        if weight is None
-        else tuple(
-            float(np.sqrt(np.mean(weight[test.judged] * e**2))) if len(test.judged) else float("nan")
-            for e, test in zip(errors, tests, strict=True)
-        ),
-        find_left_out_coverage(errors, conditions),
-    )
+    tests, conditions = make_choice_tests(trials), len(set(_condition_of_each_trial(trials)))
+    errors = run(tests)
+    weights = [] if weight is None else [weight[test.judged] for test in tests]
+    held = [i for i, test in enumerate(tests) if test.words.startswith(LEFT_OUT_WORDS)]
+    band_errors = [errors[i] for i in held] if held else run(make_condition_tests(trials))
+    shares = [test.share for test in tests]
+    return _report_errors([test.words for test in tests], errors, weights, band_errors, conditions, shares)
 
 
 def find_error_band(errors: Sequence[np.ndarray], conditions: int) -> float:

@@ -9,6 +9,10 @@ Neighbouring samples are alike, and errors of one stride belong together. The in
 Student's, of the mean gain in blocks of whole strides, each at least two correlation lengths of :math:`e_0^2 - e_1^2`
 [1]_. In cross-validation over trials, the trials are the blocks.
 
+Both maps are the best of their kind by tests within the fitted recordings: with EMG, and without. Another set of tests
+would have chosen others. The interval therefore also holds the jackknife's variance of the gain over these tests, each
+left out of the choice in turn.
+
 EMG is worth recording if the whole interval lies above 0 and the gain reaches a required margin. It is not worth
 recording if the whole interval lies below that margin. Otherwise these recordings do not decide.
 
@@ -47,6 +51,9 @@ class WorthSettings:
 
 WORTH_BLOCKS = WorthSettings()
 
+NORMAL_QUANTILE = 1.96
+"""Half width of a 95 % interval in standard deviations."""
+
 
 Answer = Literal["worth it", "not worth it", "cannot say"]
 """The three answers to whether EMG is worth it."""
@@ -79,6 +86,7 @@ def worth_on_recording(
     angles_alone: np.ndarray,
     fs: float,
     margin: float = DEFAULT_WORTHWHILE_GAIN,
+    other_choices: Sequence[tuple[np.ndarray, np.ndarray]] = (),
 ) -> EmgWorth:
     """Return the gain of EMG on one recording that was not fitted.
 
@@ -92,6 +100,8 @@ def worth_on_recording(
         Sampling rate of all three [Hz].
     margin : float
         Gain in R² that counts as worthwhile.
+    other_choices : sequence of pairs of ndarray, shape (n,)
+        Both predictions as chosen without one of the tests within the fitted recordings [N m], each left out in turn.
 
     Returns
     -------
@@ -117,7 +127,11 @@ def worth_on_recording(
     apart = (np.square(torque - angles_alone) - np.square(torque - with_emg)) / variance
     means = _block_means(apart, find_period(torque, fs))
     gain = float(apart.mean())
-    half = _student_half_width(means)
+    gains = [
+        float(np.mean(np.square(torque - alone) - np.square(torque - told)) / variance) for told, alone in other_choices
+    ]
+    choice = (len(gains) - 1) * float(np.var(gains)) if len(gains) > 1 else 0.0
+    half = float(np.hypot(_student_half_width(means), NORMAL_QUANTILE * np.sqrt(choice)))
     return EmgWorth(gain, gain - half, gain + half, margin, len(means))
 
 

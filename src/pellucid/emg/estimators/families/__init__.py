@@ -35,6 +35,17 @@ def _discover_families() -> dict[str, Family]:
 ESTIMATOR_FAMILIES = _discover_families()
 """Family of each estimator by name, in the order of tables."""
 
+STACKED = "stacked"
+"""Name of the weighted mean of estimators. It is no family of its own: `calibrate` makes it of the others."""
+
+STACKED_FAMILY = Family("weighted mean of estimators", rank=0, short="weighted mean", colour="root")
+"""What tables and figures say of the weighted mean."""
+
+
+def named_family(name: str) -> Family:
+    """Return the family of an estimator, or what stands for the weighted mean of several."""
+    return STACKED_FAMILY if name == STACKED else ESTIMATOR_FAMILIES[name]
+
 
 def find_family(name: str) -> tuple[str, Family]:
     """Return an estimator's own name and its family, given this name or an alias."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from ..torque_trial import Features, FeatureSet
@@ -81,4 +82,15 @@ FAMILIES = {
             (82, "tree", "one tree", make_tree, ONE_TREE, "load"),
         )
     },
+}  # fmt: skip
+
+FAMILIES |= {
+    "motion_boost": replace(
+        FAMILIES["boost"], description="least-squares boosting without EMG", muscles=False, aliases=(), rank=44,
+        short="boosting, angles alone", scored_causally=False,
+    ),
+    "motion_bagging": replace(
+        FAMILIES["bagging"], description="bagged trees without EMG", muscles=False, rank=45,
+        short="bagging, angles alone",
+    ),
 }  # fmt: skip

@@ -33,7 +33,7 @@ from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND, ConditionTestErrors
 from ...estimators.cross_validation import Score, apply_useful_repairs, score
 from ...estimators.emg_worth import EmgWorth
-from ...estimators.families import ESTIMATOR_FAMILIES
+from ...estimators.families import ESTIMATOR_FAMILIES, STACKED, named_family
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import JointStiffness
 from ...estimators.torque_map import CrossValidated, MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
@@ -131,6 +131,8 @@ def _evaluate_trials(
     chosen = found.chosen[what]
     worst = max(trials, key=lambda t: chosen.judged[0].by_trial[t.name].rmse)
     made = {name: result.predicted[worst.name] for name, result in results.items()}
+    if chosen.by[worst.name] == STACKED:
+        made[STACKED] = chosen.predicted[worst.name]
     band = {chosen.by[worst.name]: np.full(len(worst), chosen.half_width[worst.name])}
     found.traces.append(TorqueTrace(what, worst.name, worst.time, worst.torque, made, band, ERROR_BAND.share))
     found.trials.extend(trials)
@@ -232,8 +234,9 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         together = across_joints.calibrate_together(found, steps.part("muscles together"), table.posterior)
     evaluated, trials = found.evaluated, found.trials
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
-        found.chosen[what] = findings.recommend_estimator(evaluated, what)
+        found.chosen[what] = findings.recommend_estimator(evaluated, what, found.traces, found.refused)
     chosen, bands = tuple(found.chosen.values()), [*_invalid_band_sentences(found)]
+    evaluated = [*evaluated, *(e for each in chosen for e in each.judged if e.estimator == STACKED and not each.by)]
     valid = [t for t in found.traces if t.recording not in found.sessions or found.sessions[t.recording].is_valid]
     fitted = {trial.recording for trial in trials if not trial.heldout}
     founded = findings.is_answer_founded(len(fitted), len(study.left_out))
@@ -552,7 +555,7 @@ def _chosen_tables(chosen: Sequence[RecommendedEstimator], refused: Collection[s
         heads = ("Held out", "Estimator", f"RMSE ({unit})", "R²", "RMSE without EMG", f"coverage of the {band}")
         rows = tuple(
             (
-                f"{each.what}, {one.name.replace('_', ' ')}", ESTIMATOR_FAMILIES[one.estimator].description,
+                f"{each.what}, {one.name.replace('_', ' ')}", named_family(one.estimator).description,
                 one.score.rmse, one.score.r2, None if one.bare is None else one.bare.rmse, coverage(one),
             )
             for each in chosen

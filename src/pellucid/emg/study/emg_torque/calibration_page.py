@@ -27,7 +27,7 @@ from ....study.procedures.result import ParameterTable
 from ....study.procedures.study_page import figure_tables, study_page
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND
-from ...estimators.families import ESTIMATOR_FAMILIES
+from ...estimators.families import ESTIMATOR_FAMILIES, STACKED, STACKED_FAMILY, named_family
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness
 from ...signals.emg_chain import emg_chain
 from .calibrate import INVALID_BANDS_FINDING, CalibrationResult
@@ -125,7 +125,7 @@ def error_by_estimator(
         for row, (estimator, _) in enumerate(rows):
             if estimator not in found:
                 continue
-            family = ESTIMATOR_FAMILIES.get(estimator)
+            family = named_family(estimator) if estimator in {*ESTIMATOR_FAMILIES, STACKED} else None
             tone = colour("ink" if family is None else family.colour)
             bold = "bold" if chosen.get(head) == estimator else "normal"
             axis.plot((0.0, found[estimator]), (row, row), color=tone, linewidth=2.0, alpha=0.4, zorder=2)
@@ -271,7 +271,9 @@ def stiffness_over_time(found: JointStiffness, name: str, *, caption: str) -> Dr
     return Drawing(name, figure, caption)
 
 
-SHORT_ESTIMATOR_NAMES = {name: family.short for name, family in ESTIMATOR_FAMILIES.items() if family.short}
+SHORT_ESTIMATOR_NAMES = {
+    name: family.short for name, family in {**ESTIMATOR_FAMILIES, STACKED: STACKED_FAMILY}.items() if family.short
+}
 """Short names of estimators for legends."""
 
 
@@ -311,7 +313,7 @@ def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
     for each in findings.chosen:
         judged = sorted(each.by_condition(), key=lambda one: -one.score.rmse)
         worst, others = judged[0], judged[1:4]
-        more = [ESTIMATOR_FAMILIES[worst.estimator].description, f"R² {worst.score.r2:.3f}"]
+        more = [named_family(worst.estimator).description, f"R² {worst.score.r2:.3f}"]
         if worst.bare is not None:
             more.append(f"angles alone, without EMG: {number(worst.bare.rmse, digits=3)}")
         more += [f"{one.name.replace('_', ' ')} {number(one.score.rmse, digits=3)}" for one in others]
@@ -384,7 +386,8 @@ def _torque_section(findings: CalibrationResult) -> Section:
     drawings = []
     for i, trace in enumerate(findings.traces, start=1):
         each = by[trace.what]
-        chosen = each.by.get(trace.recording, each.judged[0].estimator)
+        of = {e.recording: e.estimator for e in each.judged} | dict(each.by)
+        chosen = of.get(trace.recording, each.judged[0].estimator)
         bands = {chosen: trace.half_width[chosen]} if chosen in trace.half_width else {}
         drawings.append(
             draw(
@@ -413,7 +416,7 @@ def coverage_text(trace: TorqueTrace) -> str:
     sentences = []
     for name, half in trace.half_width.items():
         share = 100.0 * float(np.mean(np.abs(trace.reference - trace.predicted[name]) <= half))
-        words, level = ESTIMATOR_FAMILIES[name].description, 100.0 * trace.level
+        words, level = named_family(name).description, 100.0 * trace.level
         sentences.append(f"; the {level:g} % prediction band of {words} covers {share:.0f} % of this torque")
     return "".join(sentences)
 

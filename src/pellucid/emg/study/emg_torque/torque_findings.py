@@ -16,7 +16,7 @@ Result rows of a calibration by their ids.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
@@ -29,11 +29,20 @@ from ....models.parameter_card import ParameterCard
 from ....study.procedures.result import FigureTable, ParameterTable
 from ....study.results import ResultRow
 from ....study.study import Study
-from ...estimators.condition_choice import ConditionTestErrors, choose_estimator, is_candidate, run_condition_tests
+from ...estimators.condition_choice import (
+    ConditionTestErrors,
+    Recommendation,
+    combine_tests,
+    find_extrapolator,
+    is_candidate,
+    recommend,
+    run_condition_tests,
+    weighted_mean,
+)
 from ...estimators.cross_validation import Score, score
 from ...estimators.emg_session import ChannelComparison
 from ...estimators.emg_worth import WORTH_BLOCKS, EmgWorth, worth_on_recording, worth_over_trials
-from ...estimators.families import ESTIMATOR_FAMILIES
+from ...estimators.families import ESTIMATOR_FAMILIES, STACKED, named_family
 from ...estimators.families.family import Family
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness, joint_stiffness
@@ -81,7 +90,7 @@ class EstimatorEvaluation:
     @property
     def family(self) -> Family:
         """Family of the estimator."""
-        return ESTIMATOR_FAMILIES[self.estimator]
+        return named_family(self.estimator)
 
     @property
     def words(self) -> str:
@@ -113,6 +122,9 @@ class TorqueTrace:
     level: float = 0.95  # Nominal share of samples within the bands
 
 
+MIN_NAMED_WEIGHT = 0.05
+"""Smallest weight in a weighted mean that its words state."""
+
 BASELINE_ESTIMATOR = "motion"
 """Estimator that sees angles alone, no EMG. The others are compared with it."""
 
@@ -135,14 +147,20 @@ class RecommendedEstimator:
     what: str  # Joint or participant
     estimators: tuple[str, ...]  # Name of the estimator, or one name for each outer fold
     judged: tuple[EstimatorEvaluation, ...]  # Its evaluation on each recording, the worst first
-    # Evaluations of angles alone, in the same order; empty if these were not fitted
+    # Evaluations of the best estimator of angles alone, in the same order; empty if none was fitted
     bare: tuple[EstimatorEvaluation, ...]
+    # Weights of the estimators with and without EMG in the recommended ones; None if trials are left out in turn
+    weights: Recommendation | None = None
+    bare_weights: Recommendation | None = None
 
     conditions: int = 1  # Smallest number of conditions left out in turn to choose it; 1: parts of one recording
     fitted_coverage: float | None = None  # Share of left-out fitted trials within the band of the others, the smallest
     by: Mapping[str, str] = field(default_factory=dict)  # Estimator by trial, if trials are left out in turn
     half_width: Mapping[str, float] = field(default_factory=dict)  # Half width of the error band by such trial [N m]
     held: Mapping[str, float] = field(default_factory=dict)  # Share of the reference within the band, by such trial
+    # Weights of the estimators by such trial, and the recommended torque, shape (n,) [N m]
+    weights_by: Mapping[str, Mapping[str, float]] = field(default_factory=dict, repr=False)
+    predicted: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     def by_condition(self) -> list[ConditionScore]:
         """Return its score on each recording or trial."""
@@ -159,10 +177,26 @@ class RecommendedEstimator:
     def words(self) -> str:
         """Description of the estimator, or of those chosen in all folds."""
         counts = Counter(self.estimators)
+        if not self.by and len(counts) > 1:
+            beyond = next(name for name in self.estimators if name != self.weights.name)
+            where = "recordings unlike the fitted ones"
+            return f"{self._weighted_words(self.weights.name)}, on {where} by {named_family(beyond).description}"
         if len(counts) == 1:
-            return ESTIMATOR_FAMILIES[self.estimators[0]].description
-        each = (f"{ESTIMATOR_FAMILIES[name].description} for {count}" for name, count in counts.most_common())
+            return self._weighted_words(self.estimators[0])
+        each = (f"{named_family(name).description} for {count}" for name, count in counts.most_common())
         return f"the estimator chosen in each fold ({', '.join(each)})"
+
+    def _weighted_words(self, name: str) -> str:
+        """Return the description of an estimator, with the weights of a weighted mean where these are one set."""
+        words = named_family(name).description
+        if name != STACKED or self.weights is None:
+            return words
+        parts = [
+            f"{named_family(member).short or named_family(member).description} {100.0 * weight:.0f} %"
+            for member, weight in self.weights.weights.items()
+            if weight >= MIN_NAMED_WEIGHT
+        ]
+        return f"a {words} ({', '.join(parts)})"
 
 
 def run_tests_if_candidate(fit: object, trials: Sequence[TorqueTrial]) -> ConditionTestErrors | None:
@@ -170,18 +204,75 @@ def run_tests_if_candidate(fit: object, trials: Sequence[TorqueTrial]) -> Condit
     return run_condition_tests(fit, trials) if is_candidate(fit.name) else None
 
 
-def recommend_estimator(evaluated: Sequence[EstimatorEvaluation], what: str) -> RecommendedEstimator:
-    """Recommend an estimator for a joint with held-out recordings. No held-out recording influences the choice."""
+def recommend_estimator(
+    evaluated: Sequence[EstimatorEvaluation],
+    what: str,
+    traces: Sequence[TorqueTrace] = (),
+    refused: Collection[str] = (),
+) -> RecommendedEstimator:
+    """Recommend an estimator for a joint with held-out recordings. No held-out torque influences the choice.
+
+    `traces` hold the predictions on every test recording, to which those of a weighted mean are added. On `refused`
+    recordings, which are unlike all fitted ones by angles and EMG, the estimator that extrapolates best is recommended.
+    """
     own = [e for e in evaluated if e.what == what and not e.causal]
-    best = choose_estimator({e.estimator: e.examined for e in own if e.examined is not None})
-    judged = sorted((e for e in own if e.estimator == best), key=lambda e: -e.score.rmse)
-    bare = {e.recording: e for e in own if e.estimator == BASELINE_ESTIMATOR}
-    bare = tuple(bare[e.recording] for e in judged if e.recording in bare)
-    tests = judged[0].examined
-    assert tests is not None  # only an estimator with tests is chosen
+    tests = {e.estimator: e.examined for e in own if e.examined is not None}
+    chosen = recommend(tests)
+    without = {name: each for name, each in tests.items() if not ESTIMATOR_FAMILIES[name].muscles}
+    bare_chosen = recommend(without) if without else None
+    beyond = find_extrapolator(tests) or chosen.name
+    of = {(e.estimator, e.recording): e for e in own}
+    made = {trace.recording: trace for trace in traces if trace.what == what}
+    judged, bare = [], {e.recording: e for e in own if e.estimator == BASELINE_ESTIMATOR}
+    for recording in dict.fromkeys(e.recording for e in own):
+        name = beyond if recording in refused else chosen.name
+        if name == STACKED:
+            is_valid = recording not in refused
+            judged.append(_evaluate_mean(chosen, of, recording, made[recording], tests, is_valid=is_valid))
+        elif (name, recording) in of:
+            judged.append(of[name, recording])
+        if bare_chosen is not None and bare_chosen.name != STACKED:
+            bare[recording] = of[bare_chosen.name, recording]
+        elif bare_chosen is not None:
+            bare[recording] = _evaluate_mean(bare_chosen, of, recording, made[recording], tests, is_shown=False)
+    judged.sort(key=lambda e: -e.score.rmse)
+    within = combine_tests(tests, chosen.weights)
     return RecommendedEstimator(
-        what, (best,), tuple(judged), bare, tests.conditions, fitted_coverage=tests.left_out_coverage
+        what,
+        tuple(dict.fromkeys(e.estimator for e in judged)),
+        tuple(judged),
+        tuple(bare[e.recording] for e in judged if e.recording in bare),
+        chosen,
+        bare_chosen,
+        within.conditions,
+        within.left_out_coverage,
     )
+
+
+def _evaluate_mean(
+    chosen: Recommendation,
+    of: Mapping[tuple[str, str], EstimatorEvaluation],
+    recording: str,
+    trace: TorqueTrace,
+    tests: Mapping[str, ConditionTestErrors],
+    *,
+    is_shown: bool = True,
+    is_valid: bool = True,
+) -> EstimatorEvaluation:
+    """Return the evaluation of a weighted mean on a recording; `is_shown` adds its torque to the trace."""
+    made = chosen.predict(trace.predicted)
+    half_width = combine_tests(tests, chosen.weights).half_width
+    if is_shown:
+        trace.predicted[STACKED] = made
+        if is_valid:
+            trace.half_width[STACKED] = np.full(len(made), half_width)
+    alike = of[next(iter(chosen.weights)), recording]
+    words = ", ".join(f"{weight:.2f} {name}" for name, weight in chosen.weights.items())
+    return replace(
+        alike, estimator=STACKED, score=score(trace.reference, made), choice=words, examined=None, within=None,
+        seconds=None, coverage=None, partial=(), without_changed=None, as_recorded=None,
+        held=float(np.mean(np.abs(trace.reference - made) <= half_width)),
+    )  # fmt: skip
 
 
 def recommend_by_fold(
@@ -192,37 +283,78 @@ def recommend_by_fold(
     `results` and `evaluated` hold cross-validation and evaluation of every estimator.
     """
     groups = list(dict.fromkeys(t.group for t in trials))
-    best = [
-        choose_estimator({name: r.examined[j] for name, r in results.items() if r.examined[j] is not None})
-        for j in range(len(groups))
-    ]
-    of = dict(zip(groups, best, strict=True))
-    made = np.concatenate([results[of[t.group]].predicted[t.name] for t in trials])
-    whole = score(np.concatenate([t.torque for t in trials]), made)
-    by, alike = {e.estimator: e for e in evaluated}, evaluated[0]
-    by_trial = {t.name: by[of[t.group]].by_trial[t.name] for t in trials}
-    rmse = whole.rmse if alike.kind == "steps" else float(np.mean([s.rmse for s in by_trial.values()]))
-    one = replace(
-        alike, estimator=Counter(best).most_common(1)[0][0], score=Score(rmse, whole.r2), by_trial=by_trial,
-        choice=", ".join(f"{name} without {group}" for group, name in of.items()),
-    )  # fmt: skip
-    within = {g: results[name].examined[j] for j, (g, name) in enumerate(of.items())}
+    by = {e.estimator: e for e in evaluated}
+    found = _predict_by_fold(groups, trials, results)
+    bare = _predict_by_fold(
+        groups, trials, {name: r for name, r in results.items() if not ESTIMATOR_FAMILIES[name].muscles}
+    )
+    one, of, within, made = _evaluate_folds(groups, trials, found, by, results)
     width = {t.name: within[t.group].half_width for t in trials}
-    held = {
-        t.name: float(np.mean(np.abs(t.torque - results[of[t.group]].predicted[t.name]) <= width[t.name]))
-        for t in trials
-    }
+    held = {t.name: float(np.mean(np.abs(t.torque - made[t.name]) <= width[t.name])) for t in trials}
     return RecommendedEstimator(
         one.what,
-        tuple(best),
+        tuple(of.values()),
         (one,),
-        tuple(e for e in evaluated if e.estimator == BASELINE_ESTIMATOR),
-        min(each.conditions for each in within.values()),
-        min((e.left_out_coverage for e in within.values() if e.left_out_coverage is not None), default=None),
+        (_evaluate_folds(groups, trials, bare, by, results)[0],) if bare else (),
+        conditions=min(each.conditions for each in within.values()),
+        fitted_coverage=min(
+            (e.left_out_coverage for e in within.values() if e.left_out_coverage is not None), default=None
+        ),
         by={t.name: of[t.group] for t in trials},
         half_width=width,
         held=held,
+        weights_by={t.name: found[t.group].weights for t in trials},
+        predicted=made,
     )
+
+
+def _predict_by_fold(
+    groups: Sequence[str], trials: Sequence[TorqueTrial], results: Mapping[str, CrossValidated]
+) -> dict[str, Recommendation]:
+    """Return the recommendation without each group of trials; empty if no estimator may be recommended."""
+    tests = [
+        {name: r.examined[j] for name, r in results.items() if r.examined and r.examined[j] is not None}
+        for j in range(len(groups))
+    ]
+    return {group: recommend(each) for group, each in zip(groups, tests, strict=True)} if all(tests) else {}
+
+
+def _evaluate_folds(
+    groups: Sequence[str],
+    trials: Sequence[TorqueTrial],
+    found: Mapping[str, Recommendation],
+    by: Mapping[str, EstimatorEvaluation],
+    results: Mapping[str, CrossValidated],
+) -> tuple[EstimatorEvaluation, dict[str, str], dict[str, ConditionTestErrors], dict[str, np.ndarray]]:
+    """Return the evaluation of what was recommended without each group, and its name, tests and torque by group."""
+    alike = next(iter(by.values()))
+    of = {group: each.name for group, each in found.items()}
+    made, by_trial = {}, {}
+    for t in trials:
+        chosen = found[t.group]
+        made[t.name] = chosen.predict({name: results[name].predicted[t.name] for name in chosen.weights})
+        if chosen.name != STACKED:
+            by_trial[t.name] = by[chosen.name].by_trial[t.name]
+            continue
+        # The reported error of a single estimator tells the unit, which may be the weight of a leg.
+        name = next(iter(chosen.weights))
+        alone, reported = score(t.torque, results[name].predicted[t.name]).rmse, by[name].by_trial[t.name].rmse
+        own = score(t.torque, made[t.name])
+        by_trial[t.name] = Score(own.rmse * (reported / alone if alone > 0.0 else 1.0), own.r2)
+    whole = score(np.concatenate([t.torque for t in trials]), np.concatenate([made[t.name] for t in trials]))
+    rmse = whole.rmse if alike.kind == "steps" else float(np.mean([s.rmse for s in by_trial.values()]))
+    tests = {
+        group: combine_tests(
+            {name: r.examined[j] for name, r in results.items() if r.examined and r.examined[j] is not None},
+            found[group].weights,
+        )
+        for j, group in enumerate(groups)
+    }
+    one = replace(
+        alike, estimator=Counter(of.values()).most_common(1)[0][0], score=Score(rmse, whole.r2), by_trial=by_trial,
+        choice=", ".join(f"{name} without {group}" for group, name in of.items()), examined=None,
+    )  # fmt: skip
+    return one, of, tests, made
 
 
 @dataclass(frozen=True, eq=False)
@@ -606,10 +738,15 @@ def find_worth(
             continue
         for judged in each.judged:
             trace = made.get((each.what, judged.recording))
-            if trace is not None and BASELINE_ESTIMATOR in trace.predicted:
-                predicted = trace.predicted[judged.estimator], trace.predicted[BASELINE_ESTIMATOR]
+            if trace is not None and each.weights is not None and each.bare_weights is not None:
+                with_emg, bare = each.weights, each.bare_weights
                 fs = (len(trace.time) - 1) / float(trace.time[-1] - trace.time[0])
-                worth = worth_on_recording(trace.reference, *predicted, fs, margin)
+                others = [
+                    tuple(weighted_mean(weights, trace.predicted) for weights in pair)
+                    for pair in zip(with_emg.jackknife, bare.jackknife, strict=True)
+                ]
+                predicted = with_emg.predict(trace.predicted), bare.predict(trace.predicted)
+                worth = worth_on_recording(trace.reference, *predicted, fs, margin, others)
                 found.append(RecordingWorth(each.what, judged.recording, worth))
     return tuple(replace(each, worth=replace(each.worth, is_founded=is_founded)) for each in found)
 
