@@ -98,12 +98,14 @@ class HillPaper(Paper):
         )  # fmt: skip
 
     def headline(self, figures: Figures) -> str:
-        """Return the error of the torque against the truth, and that of the paper's own reference."""
+        """Return what the tables are, the error of the torque against the truth, and that of the paper's reference."""
 
         def ours(name: str) -> float:
             return figures.ours(f"hill.{name}")
 
         return (
+            "Tables 4 and 5 are a self-test on simulated people, whose muscles are those of the fitted model: they "
+            "rank no methods. Recordings of real people who walk, lift, crouch and hold rank them (validation, EMG). "
             f"On a virtual exoskeleton of the paper's kind, muscles calibrated on one swing tell the knee's true "
             f"torque in another one to within {ours('rmse.truth.mean'):.2f} N·m. With the electrodes' muscles alone it "
             f"is {ours('rmse.truth.recorded'):.2f} N·m, since nobody records what bends the knee. The paper's own "
