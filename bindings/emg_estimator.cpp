@@ -54,7 +54,9 @@ patterns : sequence of (k, 3)
 ranges : (a, 4)
     Smallest and largest of each angle [rad] and of its rate [rad/s] in the calibration, with margins.
 forgetting, max_loss : float
-    Share of a mean that a step replaces; share of the torque's variance at which a channel has changed.)";
+    Share of a mean that a step replaces; share of the torque's variance at which a channel has changed.
+residual : float
+    Share of the torque's variance that the calibration leaves unexplained; 0: not known.)";
 
 constexpr const char* step_doc = R"(One period.
 
@@ -174,7 +176,7 @@ template <class S> class EmgEstimator {
                nb::sequence surfaces, nb::handle joints, nb::sequence terms, nb::handle lags, nb::handle motion,
                nb::handle before, nb::handle after, double gamma, double tendon_strain, double period,
                std::uint32_t patience, nb::handle watch, nb::sequence patterns, nb::handle ranges, double forgetting,
-               double max_loss)
+               double max_loss, double residual)
       : own_(std::make_unique<Own>()) {
     auto made = std::make_unique<p::EmgEstimatorParams<S, Room>>();
     p::EmgEstimatorParams<S, Room>& params = *made;
@@ -254,6 +256,8 @@ template <class S> class EmgEstimator {
       params.watch.on = true;
       params.watch.forgetting = static_cast<S>(forgetting);
       params.watch.max_loss = static_cast<S>(max_loss);
+      params.watch.residual = static_cast<S>(residual);
+      params.watch.period = params.period;
       own_->pattern.resize(params.channels);
       for (std::size_t i = 0; i < params.channels; ++i) {
         const double* row = watched.data + 5 * i;
@@ -349,6 +353,7 @@ template <class S> class EmgEstimator {
     return result.array();
   }
   std::uint32_t changed() const { return own_->state.estimate.changed; }
+  double widening() const { return static_cast<double>(own_->state.estimate.widening); }
   nb::object losses() const {
     Result result({own_->coefficients.channels});
     for (std::size_t i = 0; i < own_->coefficients.channels; ++i)
@@ -423,19 +428,20 @@ template <class S> void add_one(nb::module_& m, const char* name) {
   nb::class_<Class>(m, name, estimator_doc)
       .def(nb::init<nb::handle, long long, nb::handle, nb::handle, nb::handle, nb::sequence, nb::handle, nb::sequence,
                     nb::handle, nb::handle, nb::handle, nb::handle, double, double, double, std::uint32_t, nb::handle,
-                    nb::sequence, nb::handle, double, double>(),
+                    nb::sequence, nb::handle, double, double, double>(),
            nb::kw_only(), nb::arg("channels").none(), nb::arg("angles"), nb::arg("muscles").none(),
            nb::arg("shares").none(), nb::arg("axes").none(), nb::arg("surfaces"), nb::arg("joints").none(),
            nb::arg("terms"), nb::arg("lags").none(), nb::arg("motion").none(), nb::arg("before") = nb::none(),
            nb::arg("after") = nb::none(), nb::arg("gamma") = 23.4, nb::arg("tendon_strain") = 0.033, nb::arg("period"),
            nb::arg("patience"), nb::arg("watch") = nb::none(), nb::arg("patterns") = nb::tuple(),
            nb::arg("ranges") = nb::none(), nb::arg("forgetting") = 0.0, nb::arg("max_loss") = 0.0,
+           nb::arg("residual") = 0.0,
            nb::sig("def __init__(self, *, channels: ArrayLike, angles: int, muscles: ArrayLike, shares: ArrayLike, "
                    "axes: ArrayLike, surfaces: Sequence[ArrayLike], joints: ArrayLike, terms: Sequence[ArrayLike], "
                    "lags: ArrayLike, motion: ArrayLike, before: ArrayLike | None = None, after: ArrayLike | None = "
                    "None, gamma: float = 23.4, tendon_strain: float = 0.033, period: float, patience: int, watch: ArrayLike | None = None, "
                    "patterns: Sequence[ArrayLike] = (), ranges: ArrayLike | None = None, forgetting: float = 0.0, "
-                   "max_loss: float = 0.0) -> None"))
+                   "max_loss: float = 0.0, residual: float = 0.0) -> None"))
       .def("listen", &Class::listen, nb::arg("samples").none(),
            nb::sig("def listen(self, samples: ArrayLike) -> None"),
            "Raw EMG of every channel, (n, c), at the rate that the filters are made for.")
@@ -460,6 +466,8 @@ template <class S> void add_one(nb::module_& m, const char* name) {
                    "Channels that changed since the calibration, at the last step, a bit each.")
       .def_prop_ro("losses", &Class::losses, nb::sig("def losses(self) -> NDArray[float64]"),
                    "Share of the torque's variance that each channel may cost at the last step, (c,).")
+      .def_prop_ro("widening", &Class::widening, nb::sig("def widening(self) -> float"),
+                   "Error of the torque over its calibrated error, at the last step.")
       .def("reset", &Class::reset, "Forget every sample.");
 }
 

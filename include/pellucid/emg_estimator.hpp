@@ -5,8 +5,8 @@
 //
 // One set of forces serves all joints. Envelopes that were made elsewhere go in as they are. Whatever comes in, what
 // goes out is finite and within each joint's limit, and `fault` says what it is worth:
-//   a channel or an angle that is silent keeps its last value for `patience` periods; then the channel is at rest, and
-//   without an angle every torque is 0. Periods that were missed are gone through with what was last heard; after more
+//   a channel or an angle that is silent keeps its last value for `patience` periods; then the channel is replaced by its
+//   pattern, or without a watch is at rest, and without an angle every torque is 0. Periods that were missed are gone through with what was last heard; after more
 //   than `most_missed_periods` it starts anew.
 //   a channel that no longer is what it was in the calibration, to the torque's cost, is replaced by its pattern, and
 //   where nothing holds every torque is 0 (emg_watch.hpp).
@@ -228,16 +228,17 @@ enum class EmgFault : std::uint8_t {
   configuration,  ///< the parameters make no sense: every torque is 0
   time,           ///< the time did not go on: the last answer once more
   angle,          ///< an angle is lost, or was never heard: every torque is 0
-  channel,        ///< a channel is lost, and taken for a muscle at rest
+  channel,        ///< a channel is lost: its pattern stands in its place, or without a watch it counts as at rest
   ceiling,        ///< an envelope is above what a muscle gives, and was cut off
   limit,          ///< a torque was beyond its limit, and was cut off; or it was no number, and is 0
   restarted,      ///< the first step, or the first after too long a gap: lags and rates begin anew
   changed,        ///< a channel is not what it was in the calibration: its pattern stands in its place
   unlike,         ///< channels or movement are unlike the calibration: every torque is 0
+  uncertain,      ///< channels cost the torque more than it may lose, and none can be named: its interval widened
 };
 constexpr const char* emg_fault_names[] = {"none",    "configuration", "time",  "angle",
                                            "channel", "ceiling",       "limit", "restarted",
-                                           "changed", "unlike"};
+                                           "changed", "unlike", "uncertain"};
 
 /// Inputs at one instant.
 template <class S, class Size> struct EmgSamples {
@@ -253,6 +254,7 @@ template <class S, class Size> struct EmgEstimate {
   std::uint32_t above = 0;              ///< channels above their ceiling
   std::uint32_t blind = 0;              ///< angles that are lost
   std::uint32_t changed = 0;            ///< channels that changed since the calibration, replaced by their patterns
+  S widening{S(1)};                     ///< error of the torque over its calibrated error
   EmgFault fault = EmgFault::angle;     ///< the gravest; without one this is `none`
 };
 
@@ -382,8 +384,9 @@ template <class S, class Size> void advance(const EmgEstimatorCoefficients<S, Si
     }
     step(c.watch, s.watch, envelope, pattern, c.channels, out.lost, strange);
     out.changed = s.watch.changed;
+    out.widening = s.watch.widening;
     for (std::size_t i = 0; i < c.channels; ++i)
-      if ((out.changed >> i & 1u) != 0) {
+      if (((out.changed | out.lost) >> i & 1u) != 0) {
         const S instead = s.watch.common * pattern[i];
         envelope[i] = is_finite(instead) ? max(S(0), min(instead, c.channel[i].ceiling)) : c.channel[i].rest;
         s.channel[i].past[s.next] = envelope[i];
@@ -420,6 +423,7 @@ template <class S, class Size> void advance(const EmgEstimatorCoefficients<S, Si
               : c.watch.on && s.watch.unlike ? EmgFault::unlike
               : out.lost != 0  ? EmgFault::channel
               : out.changed != 0 ? EmgFault::changed
+              : !(out.widening <= S(max_widening)) ? EmgFault::uncertain
               : out.above != 0 ? EmgFault::ceiling
               : cut            ? EmgFault::limit
               : first          ? EmgFault::restarted

@@ -7,11 +7,22 @@
 //
 // The last median takes off what all channels miss alike while the effort changes.
 //
-// <> forgets within seconds, one multiplication a step, so that every step costs the same. `consequence` is the share of
-// the torque's variance that a squared error of the channel costs, so that d_k is the R² that a channel which no longer
-// follows its pattern may take from the torque. A channel whose d_k exceeds `max_loss` has changed: its envelope is
-// replaced by s p_k until d_k is below half of it. Where most channels changed or miss their patterns, s lies outside its
-// bounds or the movement is none of those that were fitted, nothing tells which channel is right, and no torque holds.
+// <> forgets within a second, one multiplication a step, so that every step costs the same. `consequence` is the share
+// of the torque's variance that a squared error of the channel costs, so that d_k is the R² that a channel which no
+// longer follows its pattern may take from the torque.
+//
+// A channel has changed when the excess of d_k over `max_loss`, in multiples of it, adds up to `confirm_seconds`: a large
+// loss is named at once, a small one when it lasts. Then s p_k takes its place, as it does for a channel that is silent.
+// It is heard again when d_k has been below `max_loss` for as much activity of the pattern as `repair_seconds` of the
+// fitted recordings hold: a muscle at rest is no evidence. The torque's error is
+//
+//   w^2 = 1 + sum_k u_k / residual,   u_k = d_k, or for a channel that is replaced consequence_k usual_k
+//
+// times the calibrated one; `residual` is the share of the torque's variance that the calibration leaves unexplained.
+// Beyond `max_widening` the torque is not as good as its calibration, whether or not a channel can be named.
+//
+// Where most channels changed or miss their patterns, s lies outside its bounds or the movement is none of those that
+// were fitted, nothing tells which channel is right, and no torque holds.
 #pragma once
 
 #include "fields.hpp"
@@ -27,6 +38,13 @@ constexpr double max_common_change = 3.0;
 constexpr double max_common_miss = 0.25;
 /// Share of the watched time outside the fitted movements beyond which no torque holds.
 constexpr double max_strange_share = 0.25;
+/// Sum over time of d / max_loss - 1, never below 0, at which a channel has changed [s]. While all efforts rise at once,
+/// single channels lead the others for a part of a stride.
+constexpr double confirm_seconds = 0.75;
+/// Activity of a channel's pattern, in seconds of the fitted recordings, that must agree before it is heard again.
+constexpr double repair_seconds = 5.0;
+/// Error of the torque over its calibrated error beyond which it is not as good as its calibration.
+constexpr double max_widening = 1.5;
 
 /// A channel as it was in the fitted recordings.
 template <class S> struct WatchedChannelParams {
@@ -58,7 +76,9 @@ template <class S> struct WatchedAngleParams {
 template <class S, std::size_t channels_, std::size_t angles_> struct EmgWatchParams {
   bool on = false;                             ///< whether channels are watched
   S forgetting{};                              ///< share of a mean that a step replaces, above 0 and at most 1
-  S max_loss{};                                ///< d at which a channel has changed [1], above 0
+  S max_loss{};                                ///< d above which a channel's change is confirmed [1], above 0
+  S residual{};                                ///< share of the torque's variance that is unexplained; 0: not known
+  S period{};                                  ///< from one step to the next [s]
   WatchedChannelParams<S> channel[channels_]{};  ///< each
   WatchedAngleParams<S> angle[angles_]{};        ///< each
 };
@@ -68,6 +88,9 @@ template <class S, std::size_t channels_> struct EmgWatchState {
   S square[channels_]{}, product[channels_]{}, pattern_square[channels_]{};  ///< <x x>, <x p> and <p p>
   S loss[channels_]{};        ///< d of each channel at the last step
   S common{S(1)};             ///< s at the last step
+  S doubt[channels_]{};       ///< sum of the excess of each channel's d [s]
+  S agreed[channels_]{};      ///< activity of a changed channel's pattern since it last missed it [s]
+  S widening{S(1)};           ///< error of the torque over its calibrated error
   S strange{};                ///< share of the time outside the fitted movements
   std::uint32_t changed = 0;  ///< channels that changed, a bit each
   bool unlike = false;        ///< whether no torque holds
@@ -80,7 +103,8 @@ template <class S, std::size_t channels_, std::size_t angles_>
 bool is_sound(const EmgWatchParams<S, channels_, angles_>& p, std::size_t channels, std::size_t angles) noexcept {
   if (!p.on) return true;
   bool sound = channels >= 1 && channels <= channels_ && angles <= angles_ && p.forgetting > S(0) &&
-               p.forgetting <= S(1) && p.max_loss > S(0) && is_finite(p.max_loss);
+               p.forgetting <= S(1) && p.max_loss > S(0) && is_finite(p.max_loss) && p.residual >= S(0) &&
+               is_finite(p.residual) && p.period >= S(0) && is_finite(p.period);
   for (std::size_t i = 0; sound && i < channels; ++i) sound = pellucid::is_sound(p.channel[i]);
   for (std::size_t k = 0; sound && k < angles; ++k) sound = pellucid::is_sound(p.angle[k]);
   return sound;
@@ -120,7 +144,8 @@ template <class S, std::size_t most> S lower_median(S (&values)[most], std::size
 }  // namespace detail
 
 /// One step: envelopes, patterns and which channels are silent, a bit each, and whether the movement is a fitted one.
-/// The bit of each channel that changed is in `changed`; its envelope is then to be common times its pattern.
+/// The bit of each channel that changed is in `changed`; its envelope, and a silent one's, is then to be common times
+/// its pattern.
 template <class S, std::size_t channels_, std::size_t angles_>
 void step(const EmgWatchParams<S, channels_, angles_>& p, EmgWatchState<S, channels_>& s,
           const S (&envelope)[channels_], const S (&pattern)[channels_], std::size_t channels, std::uint32_t silent,
@@ -156,19 +181,36 @@ void step(const EmgWatchParams<S, channels_, angles_>& p, EmgWatchState<S, chann
   }
   const S alike = max(S(0), detail::lower_median(relative, heard));
   std::uint32_t count = 0;
+  S lost(0);
   for (std::size_t i = 0; i < channels; ++i) {
     const std::uint32_t bit = 1u << i;
+    const WatchedChannelParams<S>& fitted = p.channel[i];
     if ((silent & bit) != 0) {
       s.changed &= ~bit;
-      s.loss[i] = S(0);
+      s.loss[i] = s.agreed[i] = s.doubt[i] = S(0);
+      lost = lost + fitted.consequence * fitted.usual;
       continue;
     }
-    s.loss[i] = p.channel[i].consequence * (excess[i] - alike * s.pattern_square[i]);
+    s.loss[i] = fitted.consequence * (excess[i] - alike * s.pattern_square[i]);
+    const S excessive = s.doubt[i] + p.period * (s.loss[i] / p.max_loss - S(1));
     // What is no number has changed.
-    if (!(s.loss[i] <= p.max_loss)) s.changed |= bit;
-    if (s.loss[i] < S(0.5) * p.max_loss) s.changed &= ~bit;
-    count += (s.changed & bit) != 0;
+    s.doubt[i] = excessive <= S(confirm_seconds) ? max(S(0), excessive) : S(confirm_seconds);
+    if (s.doubt[i] >= S(confirm_seconds)) s.changed |= bit;
+    if ((s.changed & bit) != 0) {
+      const S y = pattern[i];
+      const S activity = p.period * y * y / max(fitted.pattern_square, S(1e-12));
+      s.agreed[i] = s.loss[i] < p.max_loss ? s.agreed[i] + activity : S(0);
+      if (s.agreed[i] >= S(repair_seconds)) {
+        s.changed &= ~bit;
+        s.doubt[i] = S(0);
+      }
+    }
+    const bool replaced = (s.changed & bit) != 0;
+    if (!replaced) s.agreed[i] = S(0);
+    lost = lost + (replaced ? fitted.consequence * fitted.usual : max(S(0), s.loss[i]));
+    count += replaced;
   }
+  s.widening = p.residual > S(0) ? sqrt(S(1) + lost / p.residual) : S(1);
   s.unlike = 2 * count > heard || !(s.common <= S(max_common_change)) || !(s.common * S(max_common_change) >= S(1)) ||
              !(alike <= S(max_common_miss)) || !(s.strange <= S(max_strange_share));
 }

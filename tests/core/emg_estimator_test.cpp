@@ -249,6 +249,8 @@ void watch_names_what_costs_torque() {
   watch.on = true;
   watch.forgetting = 0.01;
   watch.max_loss = 0.1;
+  watch.period = 0.01;
+  watch.residual = 0.1;
   for (auto& channel : watch.channel) channel = {1.0, 0.001, 0.5, 0.5, 0.5};
   watch.channel[3].consequence = 0.0;
   watch.angle[0] = {-1.0, 1.0, -1.0, 1.0};
@@ -263,6 +265,8 @@ void watch_names_what_costs_torque() {
     return state;
   };
   check(run({1, 1, 1, 1}).changed == 0 && !run({1, 1, 1, 1}).unlike, "as it was");
+  check(run({1, 1, 1, 1}).widening < 1.01 && run({1, 1.2, 1, 1}).widening > 1.05, "the interval widens by degrees");
+  check(run({1, 1, 1, 1}, 1).widening > run({1, 1, 1, 1}).widening, "and with what is silent");
   check(run({2, 1, 1, 1}).changed == 1u, "a gain is named");
   check(run({1, 1, 1, 4}).changed == 0, "not one without consequence");
   check(run({2, 2, 2, 2}).changed == 0 && !run({2, 2, 2, 2}).unlike, "nor another effort");

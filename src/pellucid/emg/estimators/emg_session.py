@@ -689,7 +689,7 @@ def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[Torq
         ],
         axis=0,
     )
-    consequence = _consequences(card, trials, x)
+    consequence, errors, residual = _consequences(card, trials, x)
     if not np.isfinite(consequence).all():
         return card
     features = [f"{what}.{angle}" for angle in card.angles for what in ("angle", "velocity")]
@@ -705,7 +705,7 @@ def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[Torq
     angles = tuple(
         WatchedAngle(float(least[0]), float(most[0]), float(least[1]), float(most[1])) for least, most in ends
     )
-    return replace(card, watch=EstimatorWatch(channels, angles))
+    return replace(card, watch=EstimatorWatch(channels, angles, residual=residual, errors=errors))
 
 
 def _predict(patterns: Sequence[Ridge], moved: np.ndarray, ceiling: np.ndarray) -> np.ndarray:
@@ -761,10 +761,11 @@ def _common_factor(factors: np.ndarray) -> np.ndarray:
 
 def _consequences(
     card: EmgEstimatorCard, trials: Mapping[str, Sequence[TorqueTrial]], x: Sequence[np.ndarray]
-) -> np.ndarray:
+) -> tuple[np.ndarray, tuple[float, ...], float]:
     """Return the share of the torque's variance that a squared error of each channel costs, shape (k,).
 
-    Of several joints the one that loses most counts.
+    Of several joints the one that loses most counts. The RMSE of each joint's torque [N m] is returned beside it, and
+    the smallest share of a joint's variance that the torque leaves unexplained.
     """
     bare = replace(card, watch=None, chain="none", channels=tuple(replace(c, scale=1.0) for c in card.channels))
     first = list(next(iter(trials.values())))
@@ -785,7 +786,12 @@ def _consequences(
         with np.errstate(divide="ignore", invalid="ignore"):
             cost = np.mean((torques(doubled) - usual) ** 2, axis=1) / variance / square[k]
         found[k] = 0.0 if square[k] == 0.0 else cost.max()
-    return found
+    reference = np.array([np.concatenate([t.torque for t in trials[j.name]]) for j in card.joints])
+    square_error = np.mean((usual - reference) ** 2, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        residual = float(np.min(square_error / variance))
+    errors = tuple(np.sqrt(square_error).tolist())
+    return found, errors, max(residual, WATCH_DEFAULTS.min_residual) if np.isfinite(residual) else 0.0
 
 
 def _term(name: str, weight: float) -> EstimatorTerm:

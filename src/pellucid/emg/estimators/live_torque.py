@@ -7,7 +7,7 @@ the one that was evaluated offline.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import nan
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from ... import _core
 from ..._errors import PellucidError
 from ...units import to_si_factor
-from ..models.emg_estimator import ESTIMATOR_FAULTS_BY_NAME, EmgEstimatorCard
+from ..models.emg_estimator import ESTIMATOR_FAULTS_BY_NAME, WATCH_DEFAULTS, EmgEstimatorCard
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,9 @@ class LiveEstimate:
     above: tuple[str, ...] = ()  # Channels above their largest value in the calibration, which were clipped
     blind: tuple[str, ...] = ()  # Lost angles, without which every torque is 0
     changed: tuple[str, ...] = ()  # Channels unlike the calibration, whose patterns by the movement take their places
+    widening: float = 1.0  # Error of the torque over its calibrated error; 1 if channels are as in the calibration
+    # Half width of the 90 % interval about each torque by joint [N m]; empty if the card knows no calibrated error
+    half_width: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def valid(self) -> bool:
@@ -36,7 +39,8 @@ class LiveEstimate:
 
 
 FAULTS = tuple(_core.EMG_FAULTS)
-"""Names of the faults: none, configuration, time, angle, channel, ceiling, limit, restarted, changed, unlike.
+"""Names of the faults: none, configuration, time, angle, channel, ceiling, limit, restarted, changed, unlike and
+uncertain.
 
 ``include/pellucid/emg_estimator.hpp`` defines each.
 """
@@ -70,6 +74,10 @@ class LiveTorque:
         self.joints = tuple(joint.name for joint in card.joints)
         self._gain, _ = to_si_factor(angle_unit, "rad", "angle_unit")
         self._core = card.build(period)
+        errors = () if card.watch is None else card.watch.errors
+        self._half_width = {
+            joint: WATCH_DEFAULTS.band_quantile * error for joint, error in zip(self.joints, errors, strict=False)
+        }
 
     def listen(self, emg: Mapping[str, np.ndarray]) -> None:
         """Pass raw EMG by channel, shape (n,) [V] each, at the card's rate. NaN marks missing samples."""
@@ -88,6 +96,7 @@ class LiveTorque:
         envelope = self._ordered_values("EMG", self.channels, emg)
         angle = self._gain * np.array(self._ordered_values("angles", self.card.angles, angles), float)
         torque, fault, lost, above, blind = self._core.step(round(1e6 * time), envelope, angle)
+        widening = self._core.widening
         return LiveEstimate(
             dict(zip(self.joints, torque.tolist(), strict=True)),
             FAULTS[fault],
@@ -95,6 +104,8 @@ class LiveTorque:
             _names_of_set_bits(self.channels, above),
             _names_of_set_bits(self.card.angles, blind),
             _names_of_set_bits(self.channels, self._core.changed),
+            widening,
+            {joint: widening * half for joint, half in self._half_width.items()},
         )
 
     def run(

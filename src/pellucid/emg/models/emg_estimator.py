@@ -33,12 +33,19 @@ class WatchDefaults:
     """Defaults of an estimator that waits for samples, and of the watch of its channels."""
 
     patience_s: float = 0.05  # A channel or an angle keeps its last value for this time before it counts as lost [s]
-    # Time constant of the watch's means [s]: two strides of walking. A change that costs twice `max_loss` is found
-    # after 2 s.
-    memory_s: float = 3.0
-    # Share of the torque's variance that a changed channel may cost before its pattern takes its place. It was chosen
-    # by its consequence: half of the loss of 0.2 in R² that a wearer should never meet.
+    # Time constant of the watch's means [s]: a stride of walking. After 2 s they hold 0.86 of a change.
+    memory_s: float = 1.0
+    # Share of the torque's variance that a changed channel may cost a torque. It was chosen by its consequence: half of
+    # the loss of 0.2 in R² that a wearer should never meet.
     max_loss: float = 0.1
+    # Share of the torque's variance above which a running estimator adds up evidence of a channel's change. It is a
+    # fifth of `max_loss`, so that a change which costs `max_loss` is named within 2 s although it enters the means
+    # slowly and a muscle may be silent in half of the time.
+    named_loss: float = 0.02
+    # Smallest share of the torque's variance that counts as unexplained. An estimator that fits its recordings exactly
+    # is otherwise distrusted for what hardly costs it anything.
+    min_residual: float = 0.04
+    band_quantile: float = 1.645  # Half width of a 90 % interval in standard deviations
 
 
 WATCH_DEFAULTS = WatchDefaults()
@@ -129,7 +136,10 @@ class EstimatorWatch:
     channels: tuple[WatchedChannel, ...]  # In the order of the card's channels
     angles: tuple[WatchedAngle, ...]  # In the order of the card's angles
     seconds: float = WATCH_DEFAULTS.memory_s  # Time constant of its means [s]
-    max_loss: float = WATCH_DEFAULTS.max_loss  # Share of the torque's variance at which a channel has changed
+    max_loss: float = WATCH_DEFAULTS.named_loss  # Share of the torque's variance at which a channel has changed
+    # Share of the torque's variance that the calibration leaves unexplained, of the joint that is best; 0: not known
+    residual: float = 0.0
+    errors: tuple[float, ...] = ()  # RMSE of each joint's torque in the fitted recordings [N m]; empty: not known
 
 
 @dataclass(frozen=True)
@@ -221,6 +231,7 @@ class EmgEstimatorCard:
             "ranges": np.array([(a.low, a.high, a.slowest, a.fastest) for a in self.watch.angles]),
             "forgetting": min(1.0, step / self.watch.seconds),
             "max_loss": self.watch.max_loss,
+            "residual": self.watch.residual,
         }
 
     def build(
@@ -283,6 +294,11 @@ def _require_estimator(card: EmgEstimatorCard) -> None:
             raise ValueError(f"watch: found {found[0]} channels and {found[1]} angles, expected those of the card")
         require_between("watch, seconds", card.watch.seconds, card.period, 1e4)
         require_between("watch, max_loss", card.watch.max_loss, 1e-6, 1e6)
+        require_between("watch, residual", card.watch.residual, 0.0, 1e6)
+        if card.watch.errors and len(card.watch.errors) != len(card.joints):
+            raise ValueError(f"watch: found {len(card.watch.errors)} errors, expected one for each joint")
+        for joint, error in zip(card.joints, card.watch.errors, strict=False):
+            require_between(f"watch, error of {joint.name}", error, 0.0, MAX_CARD_NUMBER)
         motion = {f"{what}.{a}" for a in card.angles for what in ("angle", "velocity", "acceleration")}
         unknown = {x for c in card.watch.channels for t in c.pattern for x in (t.first, t.second)} - motion - {""}
         if unknown:
@@ -307,7 +323,7 @@ ESTIMATOR_FAULTS: tuple[EstimatorFault, ...] = (
     EstimatorFault("configuration", "the configuration is invalid: every torque is 0"),
     EstimatorFault("time", "the time did not advance: the last output is repeated"),
     EstimatorFault("angle", "an angle is missing or was never received: every torque is 0"),
-    EstimatorFault("channel", "an EMG channel is missing, and its muscle is assumed at rest"),
+    EstimatorFault("channel", "an EMG channel is missing: its pattern for the movement replaces it, or rest without a watch"),
     EstimatorFault("ceiling", "an envelope was above the range of a muscle and was limited"),
     EstimatorFault("limit", "a torque was beyond its limit and was limited"),
     EstimatorFault(
@@ -315,6 +331,7 @@ ESTIMATOR_FAULTS: tuple[EstimatorFault, ...] = (
     ),
     EstimatorFault("changed", "a channel changed since calibration and is replaced by its pattern for the movement"),
     EstimatorFault("unlike", "most channels changed, or the movement differs from calibration: every torque is 0"),
+    EstimatorFault("uncertain", "channels depart from their patterns: the torque's interval is too wide"),
 )
 """Every fault, in the core's order."""
 

@@ -49,7 +49,7 @@ ESTIMATOR_KINDS = ("hill", "ridge")
 FIELD_KINDS = ("muscle", "emg_channel", "watched_channel", "watched_angle", "estimated_joint")
 """Parameter kinds of the core that become structs in C."""
 
-WATCH_FAULTS = tuple(_core.EMG_FAULTS.index(name) for name in ("changed", "unlike"))
+WATCH_FAULTS = tuple(_core.EMG_FAULTS.index(name) for name in ("changed", "unlike", "uncertain"))
 """Faults that a made motion may raise, since it is nobody's movement: the watch says so, as it should."""
 
 MAX_CHANGED_STEPS = 600
@@ -259,7 +259,7 @@ def _storage(card: EmgEstimatorCard, terms: int, *, delay: int, lag: int) -> int
         + m * (432 + 4 * c + 4 * delay)
         + 96 * j
         + 16 * terms
-        + c * 40
+        + c * 44
         + 64 * c
         + 16 * a
     )
