@@ -8,29 +8,36 @@ acceptable torque error and were fixed before these changes were sampled.
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from pellucid.controllers.export.replay_vector import ReplayVector
 from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.emg_session import FittedSession, add_channel_watch
 from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.torque_map import fit_torque_map
 from pellucid.emg.estimators.torque_trial import TorqueTrial
 from pellucid.emg.models.emg_estimator import EmgEstimatorCard
+from pellucid.emg.models.muscle import CalibratedMuscles
 from pellucid.emg.signals.emg_chain import emg_chain
 from pellucid.emg.signals.emg_quality import find_mains
-from pellucid.emg.study.emg_torque.estimator_cards import estimator_cards, map_estimator
+from pellucid.emg.study.emg_torque.estimator_cards import estimator_cards, map_estimator, muscle_estimator
 from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.files.recording import Channel, Recording
 from pellucid.study.results import ResultRow
 from pellucid.study.study import Study
 from research.benchmarks._size import sized
+
+from ._emg_cases import WALKING, study_with
 
 SEED = 20261126
 SPOILT_COUNT = sized(300, smallest=6)
@@ -173,6 +180,167 @@ def warped(trial: TorqueTrial, factor: float) -> TorqueTrial:
         envelopes={m: again(x) for m, x in trial.envelopes.items()}, heldout=False,
         angles={j: again(q) for j, q in trial.angles.items()},
     )  # fmt: skip
+
+
+# --- seven moved electrodes, on three sessions and two joints ---------------------------------------------------------
+
+MOVED = ("gain 0.4", "gain 1.6", "gain 2.6", "offset", "dead", "missing", "exchanged")
+"""What happens to an electrode."""
+OFFSET_SHARE = 0.3
+"""Offset of a moved electrode, as a share of the largest usual envelope."""
+MOVED_CHANNELS = sized(2, smallest=1)
+"""Number of channels of each card that are moved: those on which the torque depends most."""
+BEFORE_S, AFTER_S = 8.0, sized(16.0, smallest=4.0)
+"""Time before and after an electrode moves [s]."""
+NAMED_WITHIN_S = 2.0
+"""Time within which a costly change is to be named [s]."""
+LIVE_COSTLY_LOSS = 0.1
+"""Loss of R² from which a change must be named."""
+ERROR_WINDOW_S = 2.0
+"""Time over which the torque's error is a root mean square [s]."""
+MAX_VALID_RATIO = 1.5
+"""Error over the calibrated error above which a torque that counts as valid is wrong."""
+
+
+def live_sessions(folder: Path) -> Iterator[tuple[str, EmgEstimatorCard, TorqueTrial]]:
+    """Yield the muscles' card and a stretch that was not fitted: walking, another speed of walking, and running."""
+    made = study_with(folder, WALKING, [("walk36", "", "fit", ""), ("run81", "run81_", "fit", "")])
+    length = BEFORE_S + AFTER_S
+    for joint in ("knee", "ankle"):
+        walk, run = moment_trials(made, joint, causal=True)
+
+        def cut(trial: TorqueTrial, start: float, end: float) -> TorqueTrial:
+            return part_of(trial, slice(round(start * trial.fs), round(end * trial.fs)))
+
+        speeds = [cut(walk, 10.0, 18.0), *(warped(cut(walk, 18.0 + 7.0 * i, 25.0 + 7.0 * i), f) for i, f in
+                                           enumerate(WARPS))]  # fmt: skip
+        for session, fitted, held in (
+            ("walking", [cut(walk, 19.0, 24.0)], cut(walk, 24.0, 24.0 + length)),
+            ("another speed", speeds, cut(warped(cut(walk, 32.0, 60.0), 1.12), 0.0, length)),
+            ("running", [cut(run, 5.0, 15.0)], cut(run, 15.0, 15.0 + length)),
+        ):
+            fit = fit_torque_map(fitted, "hill", causal=True)
+            muscles = CalibratedMuscles(fit.fit.muscles, fit.driven, {joint: fit.fit.passive}, fit.effort)
+            card = muscle_estimator(made, f"emg_{joint}_hill", muscles, {joint: fitted})
+            yield f"{session}, {joint}", add_channel_watch(card, {joint: fitted}), held
+
+
+def moved(envelopes: dict[str, np.ndarray], muscle: str, other: str, kind: str, top: float) -> dict[str, np.ndarray]:
+    """Return envelopes, shape (n,) each, with one electrode moved, or two exchanged; `top` is its largest usual one."""
+    x = envelopes[muscle]
+    if kind.startswith("gain"):
+        return {muscle: float(kind.split()[1]) * x}
+    if kind == "exchanged":
+        return {muscle: envelopes[other], other: x}
+    return {muscle: {"offset": x + OFFSET_SHARE * top, "dead": 0.0 * x, "missing": np.full_like(x, np.nan)}[kind]}
+
+
+def run_live(card: EmgEstimatorCard, trial: TorqueTrial) -> tuple[np.ndarray, np.ndarray, list[set[str]]]:
+    """Return the torque, (n,) [N m], whether it counts as valid, (n,), and the channels that are named, by step."""
+    live = LiveTorque(card)
+    emg = {c.name: trial.envelopes[c.name] for c in card.channels}
+    angles = {a: trial.angles[a] for a in card.angles}
+    torque, valid, named = np.zeros(len(trial)), np.zeros(len(trial), bool), []
+    for i in range(len(trial)):
+        made = live.step(1.0 + i * card.period, {m: x[i] for m, x in emg.items()}, {a: q[i] for a, q in angles.items()})
+        torque[i], valid[i] = made.torque[card.joints[0].name], made.valid
+        named.append({*made.changed, *made.lost})
+    return torque, valid, named
+
+
+def trailing_error(torque: np.ndarray, trial: TorqueTrial) -> np.ndarray:
+    """Return the root mean square error over the last `ERROR_WINDOW_S`, shape (n,) [N m]."""
+    total = np.concatenate([[0.0], np.cumsum((torque - trial.torque) ** 2)])
+    end = np.arange(1, len(torque) + 1)
+    start = np.maximum(end - round(ERROR_WINDOW_S * trial.fs), 0)
+    return np.sqrt((total[end] - total[start]) / (end - start))
+
+
+def moved_rows() -> Iterator[ResultRow]:
+    """Yield how long a torque counts as valid that is wrong, how soon a costly change is named, and what is wrongly."""
+    wrong_time = valid_time = wrongly = whole = costly = in_time = unspoilt_valid = unspoilt = natural = 0
+    repaired: list[float] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for _, card, held in live_sessions(Path(folder) / "live"):
+            at = round(BEFORE_S * held.fs)
+            bare = replace(card, watch=None)
+            weights = [w.consequence * w.square for w in card.watch.channels]
+            order = [card.channels[i].name for i in np.argsort(weights)[::-1]]
+            before, valid, named = run_live(card, held)
+            plain = run_live(bare, held)[0]
+            usual = float(np.sqrt(np.mean((plain - held.torque) ** 2)))
+            own = trailing_error(plain, held)
+            unspoilt_valid, unspoilt = unspoilt_valid + valid.sum(), unspoilt + len(valid)
+            natural += int(np.sum(valid & (trailing_error(before, held) > MAX_VALID_RATIO * usual)))
+            wrongly, whole = wrongly + sum(map(bool, named)), whole + len(named)
+            for rank, muscle in enumerate(order[:MOVED_CHANNELS]):
+                top, other = float(np.quantile(held.envelopes[muscle], 0.95)), order[1 - rank if rank < 2 else 0]
+                for kind in MOVED:
+                    spoilt = moved(held.envelopes, muscle, other, kind, top)
+                    envelopes = {
+                        m: np.where(np.arange(len(held)) < at, x, spoilt.get(m, x)) for m, x in held.envelopes.items()
+                    }
+                    trial = replace_envelopes(held, envelopes)
+                    torque, valid, named = run_live(card, trial)
+                    unwatched = run_live(bare, trial)[0]
+                    after = slice(at, None)
+                    limit = MAX_VALID_RATIO * np.maximum(usual, own)
+                    wrong = valid & (trailing_error(torque, held) > limit)
+                    wrong_time, valid_time = wrong_time + int(wrong[after].sum()), valid_time + len(wrong[after])
+                    wrongly += sum(bool(n - set(spoilt)) or bool(n and i < at) for i, n in enumerate(named))
+                    whole += len(named)
+                    spoilt_r2 = score(held.torque[after], unwatched[after]).r2
+                    loss = score(held.torque[after], plain[after]).r2 - spoilt_r2
+                    if loss > LIVE_COSTLY_LOSS:
+                        costly += 1
+                        when = next((i for i, n in enumerate(named[at:]) if n & set(spoilt)), None)
+                        in_time += when is not None and when <= NAMED_WITHIN_S * held.fs
+                    if kind in ("missing", "dead"):
+                        repaired.append(score(held.torque[after], torque[after]).r2 - spoilt_r2)
+    said = (
+        f"{len(MOVED)} moved electrodes ({', '.join(MOVED)}) of {MOVED_CHANNELS} channels each, muscles of knee and "
+        f"ankle in walking, at another speed and in running; {AFTER_S:g} s each"
+    )
+    note = (
+        f"of the time after the move: valid, and the error of the last {ERROR_WINDOW_S:g} s above {MAX_VALID_RATIO:g} "
+        f"times that of the same estimator with nothing moved, in the same seconds and in the mean; above "
+        f"{MAX_VALID_RATIO:g} times the mean alone {100.0 * natural / unspoilt:.1f} % with nothing moved; {said}"
+    )
+    yield row("live.valid_but_wrong", 100.0 * wrong_time / valid_time, "%", note)
+    share = 100.0 * in_time / costly if costly else None
+    yield row(
+        "live.named_in_2s", share, "%", f"of {costly} that cost an unwatched torque more than {LIVE_COSTLY_LOSS:g} of "
+        f"R²; {said}",
+    )  # fmt: skip
+    yield row("live.wrongly_named_time", 100.0 * wrongly / whole, "%", f"any channel that was not moved; {said}")
+    yield row("live.valid_unspoilt", 100.0 * unspoilt_valid / unspoilt, "%", "of the time with nothing moved")
+    words = f"median gain in R² by the watch where an electrode is silent or dead; {said}"
+    yield row("live.silent.gained_r2", float(np.median(repaired)), "1", words)
+
+
+def replace_envelopes(trial: TorqueTrial, envelopes: dict[str, np.ndarray]) -> TorqueTrial:
+    """Return a trial with other envelopes, which may have missing samples as a live stream has."""
+    made = copy(trial)
+    object.__setattr__(made, "envelopes", envelopes)
+    return made
+
+
+def wrong_floats(card: EmgEstimatorCard, vector: ReplayVector, listing: str) -> tuple[int, int]:
+    """Return in how many steps exported C answers otherwise than the core in float, and in how many a channel changed.
+
+    `listing` is the header with the answers that the exported C gave to the test vector.
+    """
+    rows = re.findall(r"\{ (\d+)u, \{ ([^}]*) \} \}", listing)
+    core, wrong, changed = card.build(single=True), 0, 0
+    for step, (said, bits) in zip(vector.steps, rows, strict=True):
+        if step.before:
+            core.reset()
+        torque, fault, *_ = core.step(step.now, step.emg, step.angle)
+        numbers = [int(x.rstrip("u"), 16) for x in bits.split(", ")]
+        own = np.float32([*torque, core.widening]).view(np.uint32).tolist()
+        wrong += int(said) & 0xFF != fault or own != [*numbers[: len(torque)], numbers[-1]]
+        changed += core.changed != 0
+    return wrong, changed
 
 
 # --- raw EMG on its way to an envelope -------------------------------------------------------------------------------

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,7 +23,7 @@ from pellucid.emg.estimators.condition_choice import ERROR_BAND
 from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.emg_session import FittedSession, SessionWatch
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.emg.estimators.live_torque import FAULTS, LiveTorque
+from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.raw_session import RawChannels
 from pellucid.emg.estimators.torque_map import fit_torque_map
 from pellucid.emg.estimators.torque_trial import TorqueTrial
@@ -35,7 +34,7 @@ from pellucid.emg.study.emg_torque.calibrate import CalibrationResult
 from pellucid.emg.study.emg_torque.estimator_cards import chain_sections, estimator_cards
 from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
-from pellucid.emg.study.estimator_folder import write_estimator_folder
+from pellucid.emg.study.estimator_folder import estimator_vector, write_estimator_folder
 from pellucid.files.readers import read_columns
 from pellucid.study.datasets import init
 from pellucid.study.datasets.registry import DATA_VARIABLE
@@ -49,9 +48,10 @@ from research.benchmarks._size import sized
 from research.benchmarks._walking import DATASET as WALKING
 from research.benchmarks._walking import walking_study
 
+from ._emg_cases import case_rows
 from ._emg_onset import onset_rows
+from ._emg_watch import moved_rows, session_rows, wrong_floats
 from ._emg_watch import raw_rows as raw_emg_rows
-from ._emg_watch import session_rows
 
 SEED = 20261123
 FITTED = (19.0, 24.0)  # s, of the walking study
@@ -88,6 +88,8 @@ def rows() -> Iterator[ResultRow]:
         yield from activity_rows(study, Path(folder) / "activity")
     yield from raw_emg_rows()
     yield from onset_rows()
+    yield from case_rows()
+    yield from moved_rows()
     yield from choice_rows()
     yield from export_rows()
     yield from geometry_rows()
@@ -558,18 +560,21 @@ def export_rows() -> Iterator[ResultRow]:
         yield row(
             "export.float_beside_double", float(np.max(np.abs(single - live))), "N*m", f"the same in float, {what}"
         )
+        motion = np.column_stack([*emg.values()]), np.column_stack([*angles.values()])
+        out = write_estimator_folder(study.name, card, Path(folder) / "c", motion=motion)
+        vector = estimator_vector(card, card.period, motion)
+        wrong, replaced = wrong_floats(card, vector, (out / OUTPUT_FILE).read_text("utf-8"))
+        how = (
+            f"{len(vector.steps)} steps of the exported test vector, {replaced} of them with a changed channel: "
+            f"torque, widening and fault of the exported C beside those of Python's estimator in float; {what}"
+        )
+        yield row("watch.c.wrong_floats", wrong if replaced else None, "1", how, "simulated")
         if missing_tools():
             yield row(
                 "export.wrong_bits", None, "1", f"not run: {', '.join(missing_tools())} not installed", "simulated"
             )
             return
-        motion = np.column_stack([*emg.values()]), np.column_stack([*angles.values()])
-        out = write_estimator_folder(study.name, card, Path(folder) / "c", motion=motion)
         on_m4 = measure(out)
-        said = [int(each) & 0xFF for each in re.findall(r"\{ (\d+)u, \{", (out / OUTPUT_FILE).read_text("utf-8"))]
-    replaced = said.count(FAULTS.index("changed"))
-    how = f"{on_m4.steps} steps of the exported test vector, {replaced} of them with a changed channel; {what}"
-    yield row("watch.c.wrong_bits", on_m4.wrong if replaced else None, "1", how, "simulated")
     how = (
         f"{what}, and faults: {on_m4.steps} steps, torque and stiffness; Cortex-M4F in QEMU compared with this machine"
     )
