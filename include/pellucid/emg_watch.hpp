@@ -40,7 +40,7 @@ constexpr double max_common_miss = 0.25;
 constexpr double max_strange_share = 0.25;
 /// Sum over time of d / max_loss - 1, never below 0, at which a channel has changed [s]. While all efforts rise at once,
 /// single channels lead the others for a part of a stride.
-constexpr double confirm_seconds = 0.75;
+constexpr double confirm_seconds = 1.0;
 /// Activity of a channel's pattern, in seconds of the fitted recordings, that must agree before it is heard again.
 constexpr double repair_seconds = 5.0;
 /// Error of the torque over its calibrated error beyond which it is not as good as its calibration.

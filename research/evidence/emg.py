@@ -22,7 +22,6 @@ from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.emg.estimators.condition_choice import ERROR_BAND
 from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.emg_session import FittedSession, SessionWatch
-from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.raw_session import RawChannels
 from pellucid.emg.estimators.torque_map import fit_torque_map
@@ -516,7 +515,7 @@ def over_best(name: str, result: CalibrationResult) -> Iterator[ResultRow]:
                 e.estimator: e.score.rmse
                 for e in result.evaluated
                 if (e.what, e.recording, e.causal) == (chosen.what, judged.recording, False)
-                and ESTIMATOR_FAMILIES[e.estimator].muscles and not ESTIMATOR_FAMILIES[e.estimator].sees_measured_torque
+                and e.family.muscles and not e.family.sees_measured_torque
             }  # fmt: skip
             best = min(rivals, key=rivals.get)
             bare = next((e.score.rmse for e in chosen.bare if e.recording == judged.recording), None)

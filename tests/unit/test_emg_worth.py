@@ -115,3 +115,16 @@ def test_pieces_of_a_recording_are_one_trial_of_an_interval():
 def test_a_reference_that_does_not_change_is_refused():
     with pytest.raises(PellucidError, match="does not change"):
         worth_on_recording(np.ones(50), np.ones(50), np.zeros(50), FS)
+
+
+def test_the_interval_carries_the_choice_of_both_maps():
+    """Maps chosen without one of the tests gain more or less: the interval is as wide as that, and not narrower."""
+    torque, with_emg, alone = walking_errors(np.random.default_rng(2), 0.3, cycles=40)
+    fixed = worth_on_recording(torque, with_emg, alone, FS)
+    same = worth_on_recording(torque, with_emg, alone, FS, other_choices=[(with_emg, alone)] * 4)
+    assert (same.low, same.high) == pytest.approx((fixed.low, fixed.high))
+    others = [(share * with_emg + (1.0 - share) * alone, alone) for share in (1.0, 0.6, 1.0, 0.3)]
+    gains = [worth_on_recording(torque, *pair, FS).gain for pair in others]
+    carried = worth_on_recording(torque, with_emg, alone, FS, other_choices=others)
+    jackknife = np.sqrt(3.0 * np.var(gains))
+    assert carried.high - carried.gain == pytest.approx(np.hypot(fixed.high - fixed.gain, 1.96 * jackknife))

@@ -24,8 +24,9 @@ usual
     Largest mean square of what the pattern leaves, with the memory of the watch, in and out of fold. Fitted recordings
     therefore pass their own watch.
 consequence
-    Mean square change of the torque when the channel is doubled, over the mean square of its envelope and the variance
-    of the torque: the share of the torque's variance that a squared error of the envelope costs.
+    Mean square change of the torque over that of the envelope and the variance of the torque, when the channel is
+    doubled, silent or has an offset, whichever costs most: muscles are not linear in their envelopes. It is the share
+    of the torque's variance that a squared error of the envelope costs.
 """
 
 from __future__ import annotations
@@ -128,6 +129,12 @@ class WatchTimes:
 
 
 WATCH_TIMES = WatchTimes()
+
+PROBE_OFFSET_SHARE = 0.25
+"""Offset by which a channel is probed, as a share of its largest fitted envelope.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 
 @dataclass(frozen=True)
@@ -779,13 +786,16 @@ def _consequences(
         return np.concatenate(made, axis=1)
 
     variance = np.array([np.var(np.concatenate([t.torque for t in trials[j.name]])) for j in card.joints])
-    usual, square = torques(x), np.mean(np.vstack(x) ** 2, axis=0)
+    usual, offset = torques(x), PROBE_OFFSET_SHARE * np.vstack(x).max(axis=0)
     found = np.zeros(len(card.channels))
     for k in range(len(found)):
-        doubled = [np.where(np.arange(e.shape[1]) == k, 2.0 * e, e) for e in x]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            cost = np.mean((torques(doubled) - usual) ** 2, axis=1) / variance / square[k]
-        found[k] = 0.0 if square[k] == 0.0 else cost.max()
+        own = np.arange(len(found)) == k
+        for gain, added in ((2.0, 0.0), (0.0, 0.0), (1.0, offset[k])):
+            changed = [np.where(own, gain * e + added, e) for e in x]
+            square = np.mean([((c - e)[:, k] ** 2).mean() for c, e in zip(changed, x, strict=True)])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                cost = np.mean((torques(changed) - usual) ** 2, axis=1) / variance / square
+            found[k] = np.maximum(found[k], 0.0 if square == 0.0 else cost.max())
     reference = np.array([np.concatenate([t.torque for t in trials[j.name]]) for j in card.joints])
     square_error = np.mean((usual - reference) ** 2, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -29,7 +29,6 @@ from ....study.results import ResultRow
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND
 from ...estimators.cross_validation import Score, score
-from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillTogether, TrialByJoint, fit_together
 from ...estimators.torque_trial import TorqueTrial, group_pieces
 from ...estimators.unrecorded import UnrecordedMuscles, fit_unrecorded_muscles
@@ -276,7 +275,7 @@ def together_tables(found: TogetherFindings | None, evaluated: Sequence[Estimato
     alone = {
         (e.what, e.recording): e.score
         for e in evaluated
-        if ESTIMATOR_FAMILIES[e.estimator].shows_muscles and not e.causal
+        if e.family.shows_muscles and not e.causal
     }
     rows = []
     for joint, recording in dict.fromkeys((s.joint, s.recording) for s in found.scores):
