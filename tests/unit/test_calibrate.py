@@ -13,7 +13,7 @@ from scipy import signal
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.emg.estimators.condition_choice import ConditionTestErrors, run_condition_tests
 from pellucid.emg.estimators.cross_validation import Score
-from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
+from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES, STACKED
 from pellucid.emg.estimators.muscle_trials import count_warm_up_samples
 from pellucid.emg.estimators.torque_map import CrossValidated, fit_torque_map
 from pellucid.emg.estimators.torque_trial import MovedBody, compute_features
@@ -229,6 +229,42 @@ def test_the_first_named_is_chosen_over_the_same_samples_and_by_nothing_that_jud
     assert ESTIMATOR_FAMILIES["nmcoa"].sees_measured_torque
     assert "no peer" in ESTIMATOR_FAMILIES["nmcoa"].description
     assert sum(family.sees_measured_torque for family in ESTIMATOR_FAMILIES.values()) == 1
+
+
+def weighed_case():
+    """Muscles and ridge regression that err alike and apart in the tests, and their torque on two recordings."""
+    rng, time = np.random.default_rng(3), np.linspace(0.0, 4.0, 400)
+    errors = {name: tuple(rng.standard_normal((3, 400))) for name in ("hill", "ridge")}
+    tests = {n: ConditionTestErrors(("a", "b", "c"), (1.0,) * 3, 1.0, 3, errors=e, band_errors=e)
+             for n, e in errors.items()}  # fmt: skip
+    traces, found = [], []
+    for recording in ("like", "unlike"):
+        predicted = {n: np.sin(time) + rng.standard_normal(400) for n in tests}
+        traces.append(TorqueTrace("knee", recording, time, np.sin(time), predicted, {}))
+        found += [replace(told(n, 1.0, recording), examined=tests[n]) for n in tests]
+    return found, traces
+
+
+def test_a_weighted_mean_is_evaluated_on_every_recording_that_is_like_the_fitted_ones():
+    found, traces = weighed_case()
+    chosen = recommend_estimator(found, "knee", traces, refused={"unlike"})
+    judged = {e.recording: e for e in chosen.judged}
+    assert judged["unlike"].estimator == "hill"
+    assert judged["like"].estimator == STACKED
+    assert judged["like"].family.description == "weighted mean of estimators"
+    made = chosen.weights.predict(traces[0].predicted)
+    assert traces[0].predicted[STACKED] == pytest.approx(made)
+    assert judged["like"].score.rmse == pytest.approx(np.sqrt(np.mean((made - traces[0].reference) ** 2)))
+    assert judged["like"].score.rmse < 0.85
+    assert STACKED not in traces[1].predicted
+    assert "on recordings unlike the fitted ones by muscles of Hill's type" in chosen.words
+
+
+def test_held_out_torque_has_no_part_in_the_weights():
+    found, traces = weighed_case()
+    other = [replace(t, reference=t.predicted["ridge"] + 0.0) for t in weighed_case()[1]]
+    first, second = (recommend_estimator(found, "knee", each) for each in (traces, other))
+    assert first.weights == second.weights
 
 
 def test_the_beginning_of_a_trial_names_no_estimator(tmp_path, quick):
