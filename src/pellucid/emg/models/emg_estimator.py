@@ -323,7 +323,9 @@ ESTIMATOR_FAULTS: tuple[EstimatorFault, ...] = (
     EstimatorFault("configuration", "the configuration is invalid: every torque is 0"),
     EstimatorFault("time", "the time did not advance: the last output is repeated"),
     EstimatorFault("angle", "an angle is missing or was never received: every torque is 0"),
-    EstimatorFault("channel", "an EMG channel is missing: its pattern for the movement replaces it, or rest without a watch"),
+    EstimatorFault(
+        "channel", "an EMG channel is missing: its pattern for the movement replaces it, or rest without a watch"
+    ),
     EstimatorFault("ceiling", "an envelope was above the range of a muscle and was limited"),
     EstimatorFault("limit", "a torque was beyond its limit and was limited"),
     EstimatorFault(
