@@ -49,7 +49,7 @@ ESTIMATOR_KINDS = ("hill", "ridge")
 FIELD_KINDS = ("muscle", "emg_channel", "watched_channel", "watched_angle", "estimated_joint")
 """Parameter kinds of the core that become structs in C."""
 
-WATCH_FAULTS = tuple(_core.EMG_FAULTS.index(name) for name in ("changed", "unlike", "uncertain"))
+WATCH_FAULTS = tuple(i for i, name in enumerate(_core.EMG_FAULTS) if name in ("changed", "unlike", "uncertain"))
 """Faults that a made motion may raise, since it is nobody's movement: the watch says so, as it should."""
 
 MAX_CHANGED_STEPS = 600
