@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pellucid.study.results import ResultRow
 
-PARTS = ("_fmu_replay", "_ros2_loop")
+PARTS = ("_fmu_replay", "_ros2_loop", "_targets")
 """Files of this folder that measure a part each, of the exports of one identified elbow."""
 
 
