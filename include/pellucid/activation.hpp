@@ -95,13 +95,13 @@ template <class S> S step(const ActivationCoefficients<S>& c, ActivationState<S>
   return shaped(c, neural_activation(c, state, excitation));
 }
 
-/// How late the lags are for slow signals: the sum of pole / (1 - pole) periods [s].
+/// Return the delay of the lags for slow signals: the sum of pole / (1 - pole) periods [s].
 template <class S> S lag_delay(const ActivationCoefficients<S>& c, const S& period) noexcept {
   return period * ((S(1) - c.gain_1) / c.gain_1 + (S(1) - c.gain_2) / c.gain_2);
 }
 
-/// Constants of the simulated form: da/dt = (u - a) / tau, where tau = t_act (1/2 + 3a/2) while the activation rises and
-/// t_deact / (1/2 + 3a/2) while it falls.
+/// Constants of the simulated form: da/dt = (u - a) / tau, where tau = t_act (1/2 + 3a/2) while the activation rises
+/// and t_deact / (1/2 + 3a/2) while it falls.
 template <class S> struct ActivationDynamicsParams {
   S activation_time{S(0.010)};    ///< t_act [s], > 0
   S deactivation_time{S(0.040)};  ///< t_deact [s], > 0

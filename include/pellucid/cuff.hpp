@@ -63,7 +63,7 @@ template <class S> CuffCoefficients<S> coefficients(const CuffParams<S>& p) noex
           p.turning_damping};
 }
 
-/// How a link moves at a point, in the base's axes.
+/// Motion of a link at a point, in the base's axes.
 template <class S> struct PointMotion {
   Vector3<S> linear;   ///< velocity of the point [m/s]
   Vector3<S> angular;  ///< angular velocity of the link [rad/s]

@@ -11,7 +11,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// By default a reading is the effort itself.
+/// Parameters of a drive's reading; by default the reading equals the effort.
 template <class S> struct DriveReadingParams {
   S gain{1}, offset{}, lag{}, quantum{};
 

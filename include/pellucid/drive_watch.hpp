@@ -83,7 +83,7 @@ template <class S> void ask(DriveWatchState<S>& s, const S& effort) noexcept {
   s.asked = effort;
 }
 
-/// By how much the drive may stray from what was asked for [N m]; after `account`.
+/// Return the tolerated deviation of the drive from its command [N m]; call after `account`.
 template <class S> S may_stray(const DriveWatchParams<S>& p, const DriveWatchState<S>& s) noexcept {
   const S asked = clamp(s.asked, -p.limit, p.limit);
   return p.tolerance + p.relative * abs(asked) + max(abs(s.asked - s.asked_before), abs(asked - s.due));
@@ -94,7 +94,7 @@ template <class S> bool can_give(const DriveWatchParams<S>& p, const S& given) n
   return abs(given) <= p.limit + p.tolerance + p.relative * p.limit;
 }
 
-/// What was given to the accounts of what was asked for, while the drive had a `velocity` [rad/s] for a `period` [s].
+/// Update the accounts of commands with the effort `given`, at a `velocity` [rad/s] of the drive for a `period` [s].
 template <class S>
 void account(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, const S& velocity, const S& period) noexcept {
   const S moved = period * velocity;
@@ -118,7 +118,7 @@ template <class S> S least_surplus(const DriveWatchState<S>& s) noexcept {
   return s.surplus <= s.inert_surplus ? s.surplus : s.inert_surplus;
 }
 
-/// What is wrong with what the drive gives, if anything, after it was asked for `s.asked`, while the drive had a
+/// Return the fault of the effort that the drive gives, if any, after the command `s.asked`, while the drive had a
 /// `velocity` [rad/s] for a `period` [s].
 template <class S> SafetyFault step(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, const S& velocity,
                                     const S& period, bool heard) noexcept {

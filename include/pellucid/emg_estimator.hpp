@@ -21,7 +21,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// How much there is room for.
+/// Capacities of the estimator.
 template <std::size_t channels_, std::size_t angles_, std::size_t muscles_, std::size_t joints_, std::size_t delay_,
           std::size_t lag_ = 1>
 struct EmgSize {
@@ -128,7 +128,7 @@ template <class S, class Size> struct EmgEstimatorCoefficients {
 
 namespace detail {
 
-/// What is larger is no angle of a joint [rad], and no amplifier's sample [V]: filters would remember it for long.
+/// Largest plausible angle of a joint [rad] and sample of an amplifier [V]; filters would retain larger ones for long.
 constexpr double largest_angle = 100.0;
 constexpr double largest_emg = 1e6;
 
@@ -293,7 +293,8 @@ template <class S, class Size> struct EmgEstimatorState {
   EmgEstimate<S, Size> estimate{};      ///< the last
 };
 
-/// One raw sample of every channel, at the rate that the filters are made for. What is not finite, or beyond 1e6, is passed over.
+/// One raw sample of every channel, at the rate that the filters are made for. What is not finite, or beyond 1e6, is
+/// passed over.
 template <class S, class Size> void listen(const EmgEstimatorCoefficients<S, Size>& c, EmgEstimatorState<S, Size>& s,
                                            const S (&raw)[Size::channels]) noexcept {
   if (!c.valid || !c.raw) return;

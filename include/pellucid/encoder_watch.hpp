@@ -63,7 +63,7 @@ template <class S> struct EncoderWatchState {
   std::uint32_t heard = 0;     ///< readings since the start, up to 3
 };
 
-/// What is wrong with a reading after the last, if anything. Also takes note of it; a reading seen again teaches nothing.
+/// Return the fault of a reading relative to the last one, if any, and store it. A repeated reading changes nothing.
 template <class S>
 SafetyFault step(const EncoderWatchCoefficients<S>& c, EncoderWatchState<S>& s, const Sample<S>& reading) noexcept {
   if (!is_heard(reading)) return SafetyFault::none;  // the front sees to that

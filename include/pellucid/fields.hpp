@@ -43,7 +43,7 @@ constexpr Unit first_moment{0, 0, 0, "kg*m"};
 constexpr Unit moment{0, 0, 0, "kg*m^2"};
 }  // namespace unit
 
-/// Where a number may lie. NaN lies nowhere, and infinity only where it is said to.
+/// Admissible range of a number. NaN is never admissible, and infinity only where stated.
 struct Bounds {
   double lower = -std::numeric_limits<double>::infinity();
   double upper = std::numeric_limits<double>::infinity();
@@ -60,7 +60,7 @@ constexpr Bounds at_least(double lower) noexcept { return {lower, std::numeric_l
 constexpr Bounds between(double lower, double upper) noexcept { return {lower, upper}; }
 constexpr Bounds share() noexcept { return between(0, 1); }
 
-/// How a coefficient of friction resists a motion at speed |v| under a load |y|: by |v|^speed |y|^load per unit.
+/// Resistance of a coefficient of friction to a motion at speed |v| under a load |y|: |v|^speed |y|^load per unit.
 struct Resists {
   bool at_all = false;    ///< false: the number is no coefficient of friction
   float speed = 0;        ///< power of the speed
@@ -151,7 +151,7 @@ struct SoundFields {
 };
 }  // namespace detail
 
-/// How many numbers a Params of scalar double is.
+/// Number of parameters of a Params of scalar double.
 template <class P> constexpr std::size_t field_count = detail::count_fields<P>();
 
 /// A Params of its numbers, in order.

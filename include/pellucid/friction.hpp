@@ -19,7 +19,7 @@ template <class S> struct FrictionParams {
       load_motoring{}, load_generating{}, velocity_width{};
   S square_root{};
 
-  /// What resists, and the velocity of its rise: all but the width of the sign.
+  /// Visit the coefficients of resistance and the velocity of its rise: all but the width of the sign.
   template <class P, class V> static constexpr void resisting(P& p, V& visit) noexcept {
     visit(p.coulomb_positive, {"coulomb_positive", unit::effort, at_least(0),
                                "F_c+, level while v > 0", by::level.only_one_way()});
@@ -128,8 +128,8 @@ template <class S, class R> S level(const FrictionCoefficients<S>& c, const R& v
   return at_speed + c.stribeck * exp(-(ratio * ratio));
 }
 
-/// sqrt|v| sign v of a speed |v|, or smooth of a speed (v^2 + w^2)^(1/2) [(rad/s)^(1/2)]. Below 1e-18 rad/s, where a root
-/// has no slope, it is a line.
+/// sqrt|v| sign v of a speed |v|, or smooth of a speed (v^2 + w^2)^(1/2) [(rad/s)^(1/2)]. Below 1e-18 rad/s, where a
+/// root has no slope, it is a line.
 template <class S, class R> S signed_root(const R& velocity, const S& speed) noexcept {
   return S(velocity) / sqrt(max(speed, S(static_cast<value_t<S>>(1e-18))));
 }

@@ -111,7 +111,7 @@ S next_motor_velocity(const GearedPlantCoefficients<S>& c, const PreslidingState
                        load, c.inverse_motor_inertia, c.substep);
 }
 
-/// Where the motor is one substep on at a velocity [rad]; its contacts go along.
+/// Return the motor's position after one substep at a velocity [rad], and update its contacts.
 template <class S> S next_motor_position(const GearedPlantCoefficients<S>& c, PreslidingState<S>& contacts,
                                          const S& position, const S& velocity) noexcept {
   const S way = c.substep * velocity;

@@ -25,7 +25,7 @@ template <class S> struct EmgMuscleParams {
   }
 };
 
-/// How many numbers a muscle is; identification frees the first.
+/// Number of parameters of a muscle; identification estimates the first of them.
 constexpr std::size_t muscle_parameter_count = field_count<EmgMuscleParams<double>>;
 constexpr std::size_t muscle_free_count = 11;
 

@@ -67,14 +67,14 @@ template <class S> void put(IncidentState<S>& r, const IncidentRing& ring) noexc
 constexpr std::size_t record_head_words = 6;
 constexpr std::size_t sample_words = 3;
 
-/// How many samples a record of a law has: of its sensors, the drive's and the second encoder's.
+/// Number of samples in a record of a law: its sensors, the drive and the second encoder.
 template <class L> constexpr std::size_t record_samples = sensor_count<L> + 2;
 
 /// Words of one record of a law.
 template <class L>
 constexpr std::size_t record_words = record_head_words + sample_words * record_samples<L> + 2 * watch_count;
 
-/// How many records a memory holds.
+/// Return the number of records that fit into a memory.
 template <class L> constexpr std::uint32_t record_places(const IncidentMemory& memory) noexcept {
   const std::size_t places = memory.words == nullptr ? 0 : memory.count / record_words<L>;
   return places < 0x7fffffffu ? static_cast<std::uint32_t>(places) : 0x7fffffffu;
@@ -303,7 +303,7 @@ template <class Stream> struct PutFields {
   void operator()(const std::uint32_t& x, const Field&) noexcept { to.word(float_word(static_cast<float>(x))); }
 };
 
-/// What the file says of a supervisor, which is the same for every law: the rest of its text, and the numbers.
+/// Write the supervisor's part of the file, which is the same for every law: the rest of the text, and the numbers.
 template <class S, class Stream>
 void put_supervisor(const WatchedPeriod<S>& period, Stream& to) noexcept {
   for (const char* name : mode_names) {

@@ -26,7 +26,7 @@ constexpr std::uint32_t checksum_of(std::uint32_t sum, std::uint32_t word) noexc
 
 constexpr std::uint32_t words_a_step = 12;
 
-/// How far a checksum has come.
+/// Progress of a checksum.
 struct ChecksumState {
   std::uint32_t sealed = 0;               ///< expected value
   std::uint32_t sum = checksum_start;     ///< checksum of the words so far

@@ -31,7 +31,7 @@ template <class S> struct JointParams {
   }
 };
 
-/// How many numbers a joint is.
+/// Number of parameters of a joint.
 constexpr std::size_t parameter_count = field_count<JointParams<double>>;
 
 /// Coefficients computed once from JointParams.

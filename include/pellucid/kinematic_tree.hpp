@@ -46,7 +46,7 @@ template <class S> struct LinkParams {
   }
 };
 
-/// How many numbers a link is.
+/// Number of parameters of a link.
 constexpr std::size_t link_parameter_count = field_count<LinkParams<double>>;
 
 /// At most N links.
@@ -108,8 +108,8 @@ template <class S> bool coefficients(const LinkParams<S>& p, LinkCoefficients<S>
 }
 }  // namespace detail
 
-/// Where a number makes no sense (a link beyond N, a parent not before it, a kind that is none) a tree is taken that
-/// does, and is not valid.
+/// Return the coefficients of a tree. If a parameter is invalid (a link beyond N, a parent that does not precede its
+/// link, an unknown kind), a default replaces it and the tree is marked as not valid.
 template <class S, std::size_t N> TreeCoefficients<S, N> coefficients(const TreeParams<S, N>& params) noexcept {
   TreeCoefficients<S, N> c;
   c.valid = params.links >= 1 && params.links <= N;
@@ -128,7 +128,7 @@ template <class S, std::size_t N> TreeCoefficients<S, N> coefficients(const Tree
   return c;
 }
 
-/// Where each link is in its parent, at one set of coordinates.
+/// Placement of each link in its parent, at one set of coordinates.
 template <class S, std::size_t N> struct TreePose {
   Placement<S> in_parent[N];
 };
@@ -160,7 +160,7 @@ void forward_kinematics(const TreeCoefficients<S, N>& c, const S* q, Placement<S
   }
 }
 
-/// How a link moves, in its own frame.
+/// Motion of a link, in its own frame.
 template <class S> struct LinkMotion {
   Vector3<S> velocity;      ///< w, angular [rad/s]
   Vector3<S> acceleration;  ///< dw/dt [rad/s^2]

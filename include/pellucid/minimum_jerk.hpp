@@ -16,7 +16,7 @@ template <class S> struct MinimumJerk {
   S duration{};   ///< [s], > 0
 };
 
-/// Where a planned movement is.
+/// State of a planned movement.
 template <class S> struct PlannedMotion {
   S position{};      ///< [rad]
   S velocity{};      ///< [rad/s]

@@ -71,7 +71,8 @@ template <class S, std::size_t N> struct MomentumObserverState {
   bool started = false;  ///< false until the first period
 };
 
-/// One period: `net` is what efforts leave after friction and offsets, `weight` is g, p and C'v are momentum's [N m; N].
+/// One period: `net` is what efforts leave after friction and offsets, `weight` is g, p and C'v are momentum's [N m;
+/// N].
 template <class S, std::size_t N>
 void step(const S& bandwidth, const S& period, std::size_t n, MomentumObserverState<S, N>& s, const S* net,
           const S* weight, const S* p, const S* transported) noexcept {

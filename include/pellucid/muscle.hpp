@@ -91,7 +91,7 @@ template <class S> MuscleCoefficients<S> coefficients(const MuscleParams<S>& p) 
   return c;
 }
 
-/// Where the fibre is and how it moves.
+/// Length, pennation and velocity of the fibre.
 template <class S> struct Fibre {
   S length;    ///< l [m]
   S cosine;    ///< cos phi [1]

@@ -107,7 +107,7 @@ ReachingGains<S> reaching_gains(const S& velocity_weight, const S& step, const S
   return gains;
 }
 
-/// How long a movement under these gains is faster than 5 % of its peak [t_c]; steps as they were found for.
+/// Return the time for which a movement under these gains exceeds 5 % of its peak speed [t_c], at the gains' step.
 template <class S> S movement_width(const ReachingGains<S>& gains, const S& step) noexcept {
   constexpr int steps = 4096;
   S peak = S(0), width = S(0);
@@ -174,7 +174,7 @@ template <class S> OptimalReachingCoefficients<S> coefficients(const OptimalReac
   return c;
 }
 
-/// What a person settles before a movement: how stiff to be, what to do, and how far to believe what is felt.
+/// Choices of a person before a movement: stiffness, control gains, and trust in the feedback.
 template <class S> struct ReachingPolicy {
   S moving_time{};          ///< t_c of the movement [s]
   S moving[4]{};            ///< roughness of torque for error, speed, torque and torque rate [N m/s^2 for each, SI]
@@ -370,8 +370,8 @@ template <class S> void aim(const OptimalReachingCoefficients<S>& c, OptimalReac
   state.policy = policy(c, state.load, state.target - state.origin, state.target, state.duration, state.variance);
 }
 
-/// Where the arm is to be: where it was until the reaction, then at the target, and where it rests once it has come to
-/// rest inside.
+/// Return the arm's goal: its initial position until the reaction, then the target, and its resting position after it
+/// stopped inside the target.
 template <class S> S goal(const OptimalReachingCoefficients<S>& c, OptimalReachingState<S>& state) noexcept {
   const S error = abs(state.position - state.target);
   const mask_t<S> over = state.time > state.reaction + state.duration;

@@ -214,7 +214,8 @@ template <class S> Impedance<S> impedance(const PosturalCoefficients<S>& c, cons
   return {stiffness, S(2) * ratio * sqrt(stiffness * p.limb.inertia)};
 }
 
-/// Co-contraction of the next movement [1] after a late error [rad], of either sign, and so many corrections that failed.
+/// Co-contraction of the next movement [1] after a late error [rad], of either sign, and so many corrections that
+/// failed.
 template <class S> S adapted_cocontraction(const PosturalCoefficients<S>& c, const S& cocontraction, const S& late,
                                            const S& failures) noexcept {
   const PosturalParams<S>& p = c.params;
@@ -224,7 +225,7 @@ template <class S> S adapted_cocontraction(const PosturalCoefficients<S>& c, con
   return clamp(next, p.cocontraction, max(p.cocontraction_most, p.cocontraction));
 }
 
-/// Where the plan ends [rad].
+/// Return the end position of the plan [rad].
 template <class S> S plan_end(const PosturalState<S>& state) noexcept {
   S end = state.origin;
   for (const MinimumJerk<S>& one : state.submovements) end = end + one.amplitude;

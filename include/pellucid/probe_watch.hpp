@@ -43,12 +43,13 @@ constexpr double probe_crest = 2.2360679774997896;
 constexpr double probe_least_gain = 0.6, probe_most_gain = 1.35;
 /// The gain that is looked for.
 constexpr double probe_wrong_gain = 2;
-/// What a drive with three times the gain adds to each unit of effort that it is asked for.
+/// Effort that a drive with three times the gain adds to each unit of the commanded effort.
 constexpr double probe_added_gain = 2;
 /// Least mean square of the error of a healthy answer, relative to it: ripple, friction, backlash.
 constexpr double probe_least_error = 0.03;
-/// Windows of a moving joint after which its answer is known, if the waves' inverse mean square errors then sum up to the
-/// second number; with larger errors it takes more windows in proportion. Share of a new window in what is known, at least.
+/// Windows of a moving joint after which its answer is known, if the waves' inverse mean square errors then sum up to
+/// the second number; with larger errors it takes more windows in proportion. Share of a new window in what is known,
+/// at least.
 constexpr std::uint32_t probe_learning_windows = 6;
 constexpr double probe_known_precision = 8, probe_learning_share = 0.02;
 /// Windows in which what is known has an error as large as that of one window again.
@@ -59,18 +60,18 @@ constexpr double probe_learnt_noise = 1;
 constexpr double probe_noise_share = 0.5;
 /// Share of a window in which the joint must move: to be judged, and to be learnt from.
 constexpr double probe_judged_share = 0.5, probe_learnt_share = 0.9;
-/// What a joint that stands in a window may answer less, relative to what it answers while it moves.
+/// Tolerated loss of response of a joint that stands still in a window, relative to its response while it moves.
 constexpr double probe_standing_loss = 1.2;
 /// Largest share of the evidence that one window may give, since one event alone is no fault; and the share of the
 /// evidence beyond which the watch learns nothing.
 constexpr double probe_window_share = 0.5, probe_doubt_share = 0.04;
 /// Evidence for a drive and an encoder that are right, after which they count as heard.
 constexpr double probe_heard_evidence = 3;
-/// Sum over the waves of the answer's power over that of the noise, from which on something answers, whatever it is. The
-/// noise alone is as large in one of 1,900 windows: it is a sum of three exponential variables.
+/// Sum over the waves of the answer's power over that of the noise, from which on something answers, whatever it is.
+/// The noise alone is as large in one of 1,900 windows: it is a sum of three exponential variables.
 constexpr double probe_loud_answer = 12;
-/// Share of the waves' power that a window must have been asked for, so that its way counts: a law at its limit of effort
-/// leaves the probe no room. The lag of the drive's torque loop alone leaves about a quarter.
+/// Share of the waves' power that a window must have been asked for, so that its way counts: a law at its limit of
+/// effort leaves the probe no room. The lag of the drive's torque loop alone leaves about a quarter.
 constexpr double probe_asked_share = 0.05;
 /// Delays that are looked for: multiples of this one [s], from the second on.
 constexpr double probe_delay_step = 0.004;
@@ -191,7 +192,8 @@ template <class S> struct ProbeWatchState {
   S added{};                                    ///< energy that three times the gain would have added since then [J]
 };
 
-/// A law's effort while its drive is not heard [N m]: as it is, until half of the energy is used that a wrong gain may add.
+/// A law's effort while its drive is not heard [N m]: as it is, until half of the energy is used that a wrong gain may
+/// add.
 template <class S> S bounded(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s, const S& effort) noexcept {
   if (!(c.params.effort > S(0)) || !(c.params.energy < S(std::numeric_limits<S>::infinity()))) return effort;
   const S left = S(2) * (c.params.energy - s.added);
@@ -223,8 +225,8 @@ template <class S> void learn(ProbeWatchState<S>& s, const ProbeWindowState<S>& 
   }
 }
 
-/// Begins with what the robot answered at its commissioning, if it was: as if that had been learnt from as few windows as
-/// there must be.
+/// Begins with what the robot answered at its commissioning, if it was: as if that had been learnt from as few windows
+/// as there must be.
 template <class S> void begin(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s) noexcept {
   if (s.learnt != 0 || !(c.params.answer_error > S(0))) return;
   for (std::uint32_t i = 0; i < probe_wave_count; ++i) {
@@ -242,7 +244,7 @@ template <class S> bool is_known(const ProbeWatchState<S>& s) noexcept {
   return s.learnt >= probe_learning_windows && windows * precision >= S(probe_known_precision);
 }
 
-/// What is wrong after a whole window, if anything. Also learns from it what the robot answers.
+/// Return the fault after a whole window, if any, and update the learnt response of the robot from it.
 template <class S>
 SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, const ProbeWindowState<S>& w) noexcept {
   S all = S(0);
@@ -332,8 +334,8 @@ SafetyFault end_window(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s
   return s.way <= c.params.travel ? SafetyFault::none : SafetyFault::unanswered;
 }
 
-/// One period: the velocity that the encoder shows [rad/s], and the mean effort between its last two readings [N m]. The
-/// drive's torque loop leaves the share `late` of a change to the next period. What is wrong, if anything.
+/// One period: the velocity that the encoder shows [rad/s], and the mean effort between its last two readings [N m].
+/// The drive's torque loop leaves the share `late` of a change to the next period. What is wrong, if anything.
 template <class S>
 SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, const S& velocity, const S& asked,
                  const S& late) noexcept {

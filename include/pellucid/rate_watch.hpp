@@ -48,7 +48,7 @@ struct RateWatchState {
   std::uint32_t started = 0;  ///< 1: there was a first step
 };
 
-/// What is wrong with the rate at the time `now` [us] of a step, if anything. A clock that went back is found elsewhere.
+/// Return the fault of the step rate at the time `now` [us], if any. A clock that goes backwards is detected elsewhere.
 template <class S> SafetyFault step(const RateWatchCoefficients<S>& c, RateWatchState& s, std::int64_t now) noexcept {
   if (c.samples == 0) return SafetyFault::none;
   const std::uint64_t passed = static_cast<std::uint64_t>(now) - static_cast<std::uint64_t>(s.began);

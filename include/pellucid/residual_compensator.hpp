@@ -14,7 +14,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// How many gains a swing is divided into.
+/// Number of gains over a swing, one per phase.
 constexpr std::size_t swing_phases = 8;
 
 /// Identified model: two bodies and the strap between them.
@@ -38,7 +38,7 @@ template <class S> struct CoupledBodies {
   }
 };
 
-/// What the actuator's own torque loop does not cancel: tau_e = u - z, z the part faster than `leak` of
+/// Residual that the actuator's torque loop does not cancel: tau_e = u - z, z the part faster than `leak` of
 /// F_a sign(v_e) + b_a v_e + J_a a_e, behind the loop's lag.
 template <class S> struct ActuatorResidual {
   S inertia{}, viscous{}, coulomb{}, leak{};

@@ -54,7 +54,8 @@ template <class S, std::size_t N> SquareMatrix<S, N> symmetrised(const SquareMat
   return m;
 }
 
-/// a becomes 1, b becomes a^-1 b, c becomes a^-1 c: Gauss and Jordan, in every lane the largest pivot of a column first.
+/// a becomes 1, b becomes a^-1 b, c becomes a^-1 c: Gauss and Jordan, in every lane the largest pivot of a column
+/// first.
 template <class S, std::size_t N>
 void divide(SquareMatrix<S, N>& a, SquareMatrix<S, N>& b, SquareMatrix<S, N>& c) noexcept {
   const auto exchange = [](const mask_t<S>& yes, S& x, S& y) {

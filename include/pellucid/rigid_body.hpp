@@ -28,7 +28,7 @@ template <class S> struct RigidBodyParams {
   }
 };
 
-/// How many numbers a body is.
+/// Number of parameters of a body.
 constexpr std::size_t body_parameter_count = field_count<RigidBodyParams<double>>;
 
 /// A symmetric matrix.

@@ -97,13 +97,13 @@ SafetyFault examine(const SafetyCoefficients<S>& c, SafetyState<S>& state, const
   return examine(c.rules, state.sample, input.time, input.sequence);
 }
 
-/// Whether a joint is too fast. A law's estimate overshoots where somebody throws the joint, so that the way from the last
-/// position to this one must say so, too; a gap between the two makes it longer.
+/// Whether a joint is too fast. A law's estimate overshoots where somebody throws the joint, so that the way from the
+/// last position to this one must say so, too; a gap between the two makes it longer.
 template <class S> bool is_too_fast(const SafetyCoefficients<S>& c, const SafetyState<S>& state, const SafetyInput<S>& input) noexcept {
   return !(abs(input.velocity) <= c.params.velocity_limit) && !(abs(input.position - state.position) <= c.max_way);
 }
 
-/// How much of the effort limit may still push towards a stop at this distance: 1 far away, 0 at the stop and beyond.
+/// Return the share of the effort limit available towards a stop at a distance: 1 far away, 0 at the stop and beyond.
 template <class S> S stop_taper(const SafetyCoefficients<S>& c, S distance) noexcept {
   if (!(distance > S(0))) return S(0);
   const S share = distance * c.inverse_margin;

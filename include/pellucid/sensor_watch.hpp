@@ -25,8 +25,8 @@ template <class S> struct SensorWatchState {
   std::uint32_t quiet = 0;  ///< periods in a row
 };
 
-/// What is wrong with a sensor that is looked at every so many periods, if anything: `lost` where it says nothing, or
-/// nothing new, else `implausible`.
+/// Return the fault of a sensor that is checked every `periods` periods, if any: `lost` without a new sample, otherwise
+/// `implausible`.
 template <class S> SafetyFault step(const SensorWatchParams<S>& p, SensorWatchState<S>& s, const Sample<S>& reading,
                                     bool moves, SafetyFault implausible, std::uint32_t periods) noexcept {
   if (p.expected == 0) return SafetyFault::none;

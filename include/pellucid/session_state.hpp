@@ -41,8 +41,8 @@ constexpr SessionStateMeaning session_states[session_state_count] = {
     {"faulted", "stopped by the supervisor", false, true},
 };
 
-/// The changes that one cycle may make, by the state before and after it. A law begins from armed alone, so that nothing
-/// that stopped runs again without a reset, and nothing that was disarmed without having been armed.
+/// The changes that one cycle may make, by the state before and after it. A law begins from armed alone, so that
+/// nothing that stopped runs again without a reset, and nothing that was disarmed without having been armed.
 constexpr bool session_transitions[session_state_count][session_state_count] = {
     //              disarmed armed running stopping stopped faulted
     /* disarmed */ {true, true, false, false, false, false},

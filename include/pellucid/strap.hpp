@@ -96,7 +96,7 @@ template <class S> struct StrapState {
   S flow{};  ///< x, what its dashpot has given [rad]
 };
 
-/// Where a limb goes through the cuff, and how fast that turns with the robot.
+/// Angle at which a limb passes through the cuff, and its derivative with respect to the robot's angle.
 template <class S> struct StrapAlignment {
   S limb{};        ///< a(q) [rad]
   S lever = S(1);  ///< a'(q) [1]
@@ -108,7 +108,7 @@ template <class S> StrapAlignment<S> alignment(const StrapCoefficients<S>& c, co
   return {robot + (c.along * at.sin - c.across * at.cos - c.fitted), S(1) + c.along * at.cos + c.across * at.sin};
 }
 
-/// Where the robot is when a limb at an angle goes through the cuff [rad].
+/// Return the robot's angle at which a limb at an angle passes through the cuff [rad].
 template <class S> S robot_at(const StrapCoefficients<S>& c, const S& limb) noexcept {
   S robot = limb;
   if (!c.askew) return robot;
@@ -154,7 +154,7 @@ S torque(const StrapCoefficients<S>& c, const S& mismatch, const S& rate, const 
   return select(both(c.slack, e * pull <= S(0)), S(0), pull);
 }
 
-/// How fast the strap slips under a torque [rad/s].
+/// Return the velocity at which the strap slips under a torque [rad/s].
 template <class S> S slip_rate(const StrapCoefficients<S>& c, const S& torque) noexcept {
   if (!c.creeps) return S(0);
   return c.slip_mobility * (torque - clamp(torque, -c.hold, c.hold));

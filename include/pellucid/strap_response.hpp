@@ -33,7 +33,7 @@ template <class S> struct StrapContactParams {
   }
 };
 
-/// By how much soft tissue in series is compressed under a torque on the limb [rad].
+/// Return the compression of the soft tissue in series under a torque on the limb [rad].
 template <class S> S compression(const StrapContactParams<S>& contact, const S& torque) noexcept {
   const mask_t<S> soft = both(contact.tissue_depth > S(0), contact.tissue_torque > S(0));
   const S share = abs(torque) / select(soft, contact.tissue_torque, S(1));
@@ -41,8 +41,8 @@ template <class S> S compression(const StrapContactParams<S>& contact, const S& 
   return select(soft, select(torque < S(0), S(0) - way, way), S(0));
 }
 
-/// What a response remembers: stretch and what the dashpot has given, now and a step ago, slip, which flank pulled, and
-/// how far the cloth that rubs is bent.
+/// State of a response: stretch and flow of the dashpot, now and one step ago, slip, the flank that pulls, and the
+/// deflection of the rubbing cloth.
 template <class S> struct StrapResponseState {
   S stretch{}, stretch_before{};  ///< e [rad]
   S flow{}, flow_before{};        ///< x [rad]

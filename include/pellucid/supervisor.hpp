@@ -179,15 +179,15 @@ template <class Entry> struct FaultLog {
 
 constexpr SafetyFault code_of(const LoggedFault& entry) noexcept { return entry.fault; }
 
-/// How far a reset has come.
+/// Progress of a reset.
 struct ResetProgress {
   std::uint32_t stopped = 0;  ///< periods since the last fault or stop
   std::uint32_t healthy = 0;  ///< healthy ones in a row
   std::uint32_t held = 0;     ///< periods since what is done was entered
 };
 
-/// Stops that were asked for. `stop` alone counts them and `step` alone hears them, so that neither a reset nor a start,
-/// nor a step that an interrupt breaks into, loses one.
+/// Stops that were asked for. `stop` alone counts them and `step` alone hears them, so that neither a reset nor a
+/// start, nor a step that an interrupt breaks into, loses one.
 struct StopRequests {
   std::uint32_t asked = 0, heard = 0;
 };
@@ -265,7 +265,7 @@ template <class S> LoggedFault logged(const SupervisorState<S>& s, std::uint32_t
   return logged(s.log, ago);
 }
 
-/// How many faults were ever written down.
+/// Return the number of faults recorded in all.
 template <class State> std::uint32_t faults_of(const State& s) noexcept { return voted(s.log).faults; }
 
 /// Writes a fault down.
@@ -294,7 +294,7 @@ template <class L> void seal(Supervised<L>& s) noexcept {
   s.state.own_sum = {checksum(s.supervisor), checksum_start, 0};
 }
 
-/// Where a supervised law begins: with its test, if it has one.
+/// Return the first mode of a supervised law: the start-up test, if it has one.
 template <class S> Mode first_mode(const SupervisorCoefficients<S>& c) noexcept {
   return c.params.test.effort > S(0) ? Mode::start_up : Mode::running;
 }
@@ -313,7 +313,7 @@ template <class L> void adjust(Supervised<L>& s, const typename L::Params& param
   s.state.law_sum = {checksum(s.controller.law), checksum_start, 0};
 }
 
-/// What a fault asks for: a damped stop where encoder and drive are above suspicion and there is something to hold.
+/// Return the mode that a fault requires: a damped stop if encoder and drive are not suspected and a load must be held.
 template <class S> Mode response(const SupervisorCoefficients<S>& c, SafetyFault fault) noexcept {
   const bool sound = fault == SafetyFault::velocity || fault == SafetyFault::stopped ||
                      fault == SafetyFault::overspeed || fault == SafetyFault::force_sensor ||
@@ -361,8 +361,8 @@ template <class S> void lose_trust(const SupervisorCoefficients<S>& c, Superviso
 }
 template <class L> void lose_trust(Supervised<L>& s) noexcept { lose_trust(s.supervisor, s.state); }
 
-/// Starts with an effort of 0; a fault that is latched stays so, and a stop that was asked for is heard. False where the
-/// parameters make no sense.
+/// Starts with an effort of 0; a fault that is latched stays so, and a stop that was asked for is heard. False where
+/// the parameters make no sense.
 template <class L> bool configure(Supervised<L>& s, const typename L::Params& params,
                                   const SupervisorParams<scalar_of<L>>& supervisor) noexcept {
   using S = scalar_of<L>;
@@ -423,7 +423,7 @@ template <class S> bool is_before_spring(const SupervisorParams<S>& p) noexcept 
   return p.joint_expected != 0 && p.drive.inertia > S(0);
 }
 
-/// What the second encoder says of the velocity of a drive before its spring. Before `compare`, which takes note of it.
+/// Estimate the velocity of a drive in front of its spring from the second encoder. Call it before `compare`.
 template <class S>
 void follow_drive(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const Sample<S>& joint) noexcept {
   if (!is_before_spring(c.params) || !is_heard(joint) || joint.sequence == s.joint_seen) return;
@@ -487,8 +487,9 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   return first_of(found, step(c.ringing, s.ringing, effort));
 }
 
-/// The law's optional sensors, every second period: without one that is silent or beyond its range it goes on if it can. A force sensor that
-/// contradicts model, command and motion may be right and the drive wrong: then nothing goes on.
+/// The law's optional sensors, every second period: without one that is silent or beyond its range it goes on if it
+/// can. A force sensor that contradicts model, command and motion may be right and the drive wrong: then nothing goes
+/// on.
 template <class S> void judge_sensors(const SupervisorCoefficients<S>& c, SupervisorState<S>& s,
                                       const Samples<S>& samples) noexcept {
   const bool moves = abs(s.encoder.velocity) > c.params.moving;
@@ -525,8 +526,8 @@ template <class S> S least_of(const SupervisorState<S>& s) noexcept {
   return is_finite(least) ? least : S(0);
 }
 
-/// A law's effort with the waves on it that ask drive and encoder, within the limits of effort, rate and stops [N m]: the
-/// law's own, to the bit, where there is no wave and the drive was heard.
+/// A law's effort with the waves on it that ask drive and encoder, within the limits of effort, rate and stops [N m]:
+/// the law's own, to the bit, where there is no wave and the drive was heard.
 template <class S>
 S with_probe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const SafetyCoefficients<S>& gate, S effort,
              S position) noexcept {

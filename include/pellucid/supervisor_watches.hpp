@@ -12,7 +12,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// How a watch compares its value with its threshold.
+/// Comparison of a monitor's value with its threshold.
 enum class WatchBound : std::uint8_t {
   size,   ///< it trips where the value is larger in size
   above,  ///< it trips where the value is larger
@@ -216,7 +216,7 @@ struct CountWatches {
 };
 }  // namespace detail
 
-/// How many watches there are.
+/// Number of monitors.
 constexpr std::size_t watch_count = decltype(walk_watches(
     std::declval<const WatchedPeriod<float>&>(), std::declval<const WatchedState<float>&>(), detail::CountWatches{}))::value;
 

@@ -39,7 +39,8 @@ template <class S> S torque(const TransmissionCoefficients<S>& c, const S& twist
   return select(stretch * push <= S(0), S(0), push);
 }
 
-/// The twist that transmits a torque at rest: torque / K + sign(torque) b / 2; 0, the middle of the gap, for none [rad].
+/// The twist that transmits a torque at rest: torque / K + sign(torque) b / 2; 0, the middle of the gap, for none
+/// [rad].
 template <class S> S twist(const TransmissionCoefficients<S>& c, const S& torque) noexcept {
   return torque * c.inverse_stiffness + sign(torque) * c.half_backlash;
 }

@@ -126,7 +126,8 @@ TreeCompensationCoefficients<S, N> coefficients(const TreeCompensationParams<S, 
   return c;
 }
 
-/// Whether every count and index of a law lies within its arrays, and each link's parent before it, whatever a memory lost.
+/// Whether every count and index of a law lies within its arrays, and each link's parent before it, whatever a memory
+/// lost.
 template <class S, std::size_t N> bool is_within_bounds(const TreeCompensationCoefficients<S, N>& c) noexcept {
   if (c.tree.links > N || c.tree.coordinates > c.tree.links || c.gate.joints != c.tree.coordinates) return false;
   if (c.whole.end_link > c.tree.links || c.whole.sensor_link > c.tree.links) return false;

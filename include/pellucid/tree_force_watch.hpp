@@ -72,7 +72,8 @@ template <class S> struct TreeForceWatchState {
   S loudness = S(quiet_start);  ///< by how much they are too loud, in units of the scale [1]
 };
 
-/// One period of one joint: `level` is its friction at rest under the load, `known` the size of friction at its velocity.
+/// One period of one joint: `level` is its friction at rest under the load, `known` the size of friction at its
+/// velocity.
 template <class S> void step(const TreeForceWatchCoefficients<S>& c, TreeForceWatchState<S>& s, const S& residual,
                              const S& felt, bool sensed, const S& level, const S& known) noexcept {
   s.felt = s.felt + c.following * ((sensed ? felt : S(0)) - s.felt);
@@ -87,8 +88,8 @@ template <class S> void step(const TreeForceWatchCoefficients<S>& c, TreeForceWa
   if (!is_finite(s.felt + s.contradiction + s.open + s.lasting + s.loudness)) s = {};
 }
 
-/// What one joint shows, if anything: `force_sensor` where the sensors alone contradict the motion. While the law takes
-/// up the robot's weight nothing is judged.
+/// Return the fault of one joint, if any: `force_sensor` if the sensors alone contradict the motion. The test is
+/// suspended while the law ramps up the compensation of the robot's weight.
 template <class S>
 SafetyFault shown(const TreeForceWatchCoefficients<S>& c, const TreeForceWatchState<S>& s, const S& level) noexcept {
   const TreeForceWatchParams<S>& p = c.params;

@@ -43,8 +43,8 @@ struct TreeFault {
   std::uint32_t joint = 0;  ///< from 0; where the fault is of the whole, the number of joints
 };
 
-/// What of a force and moment at a point of a link joints feel along their coordinates: J' F. 0 of joints that do not
-/// carry the link.
+/// Project a force and moment at a point of a link onto the joints' coordinates, J' F; 0 for joints that do not carry
+/// the link.
 template <class S, std::size_t N>
 void felt_at_joints(const TreeCoefficients<S, N>& c, const TreePose<S, N>& pose, std::size_t link,
                     const Vector3<S>& point, const Vector3<S>& force, const Vector3<S>& moment, S* effort) noexcept {
@@ -59,7 +59,7 @@ void felt_at_joints(const TreeCoefficients<S, N>& c, const TreePose<S, N>& pose,
   }
 }
 
-/// How fast a point of a link moves: |J v| [m/s]. 0 of a link that is none.
+/// Return the speed of a point of a link, |J v| [m/s]; 0 if there is no such link.
 template <class S, std::size_t N> S point_speed(const TreeCoefficients<S, N>& c, const TreePose<S, N>& pose,
                                                 std::size_t link, const Vector3<S>& point, const S* v) noexcept {
   if (link >= c.links) return S(0);
@@ -103,7 +103,7 @@ template <class L> bool configure(TreeController<L>& c, const typename L::Params
   return c.law.gate.valid;
 }
 
-/// How many joints a gate has, and no more than there is room for, whatever a memory lost of that number.
+/// Return the number of joints of a gate, limited to the capacity in case the number in memory is corrupted.
 template <class G> constexpr std::size_t joints_of(const G& gate, std::size_t room) noexcept {
   return gate.joints <= room ? gate.joints : room;
 }

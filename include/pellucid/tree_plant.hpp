@@ -80,8 +80,8 @@ template <class S, std::size_t N> struct TreePlantInput {
 };
 
 namespace detail {
-/// What passes through a drive into which `arriving` goes at velocity v, while it slips in a direction of 1 or -1, less
-/// what arrives: friction with its sign.
+/// Return the friction, with its sign, of a drive that receives the effort `arriving` at velocity v while it slips in a
+/// direction of 1 or -1: the effort passed on less the effort received.
 template <class S>
 S slipping_friction(const FrictionCoefficients<S>& c, const S& v, const S& direction, const S& arriving) noexcept {
   const Resistance<S> at = bent_resistance(c, v, direction);

@@ -261,7 +261,7 @@ std::uint32_t next_tested(const TreeSupervisorCoefficients<S, N>& c, std::size_t
   return static_cast<std::uint32_t>(from);
 }
 
-/// Where a supervised law begins: with its test, if any joint has one.
+/// Set the first mode of a supervised law: the start-up test, if any joint has one.
 template <class L> void begin(TreeSupervised<L>& s) noexcept {
   const std::size_t n = joints_of(s.controller.law.gate, L::most);
   s.state.tested = next_tested(s.supervisor, n, 0);
@@ -275,7 +275,7 @@ constexpr bool can_hold(SafetyFault fault) noexcept {
          fault == SafetyFault::force_sensor || fault == SafetyFault::muscle || fault == SafetyFault::lost;
 }
 
-/// What a fault asks for: joints that can be held are, unless what is in doubt is of the whole.
+/// Return the mode that a fault requires: joints that can be held are held, unless the fault concerns the whole robot.
 template <class S, std::size_t N>
 Mode response(const TreeSupervisorCoefficients<S, N>& c, TreeFault fault, std::size_t joints) noexcept {
   const bool whole = fault.joint >= joints && !can_hold(fault.fault);
@@ -363,7 +363,7 @@ template <class S, std::size_t N> void doubt(TreeSupervisorState<S, N>& s, TreeF
   if (fault.fault != SafetyFault::none && fault.joint < joints && !can_hold(fault.fault)) put(s.joint[fault.joint].doubted, 1u);
 }
 
-/// What is wrong in this period with encoders, drives and commands: the first fault. Every joint in doubt is noted.
+/// Return the first fault of encoders, drives and commands in this period, and mark every suspected joint.
 template <class L, class S, std::size_t N>
 TreeFault observe(TreeSupervised<L>& s, const TreeSamples<S, N>& samples, const TreeFeedback<S, N>& back) noexcept {
   const TreeSupervisorCoefficients<S, N>& c = s.supervisor;
@@ -420,8 +420,8 @@ TreeFault observe(TreeSupervised<L>& s, const TreeSamples<S, N>& samples, const 
   return first;
 }
 
-/// What is wrong with the sensor on a link by itself, every second period: it speaks, within its range, and changes while
-/// any joint moves.
+/// Return the fault of the sensor on a link by itself, checked every second period: new samples arrive, lie within the
+/// range, and change while any joint moves.
 template <class S, std::size_t N>
 SafetyFault judge_wrench(const WholeWatchParams<S>& p, TreeSupervisorState<S, N>& s, const WrenchSample<S>& read,
                          bool moves) noexcept {
@@ -442,8 +442,8 @@ SafetyFault judge_wrench(const WholeWatchParams<S>& p, TreeSupervisorState<S, N>
 }
 
 /// Residuals, force sensors and EMG, every second period. Without a sensor that is silent or beyond its range the law
-/// goes on if it can. A force sensor that contradicts model, command and motion may be right and the drive or the encoder
-/// wrong: then it goes on only if instruments of their own vouch for these.
+/// goes on if it can. A force sensor that contradicts model, command and motion may be right and the drive or the
+/// encoder wrong: then it goes on only if instruments of their own vouch for these.
 template <class L, class S, std::size_t N>
 void judge_sensors(TreeSupervised<L>& s, const TreeSamples<S, N>& samples) noexcept {
   const TreeSupervisorCoefficients<S, N>& c = s.supervisor;

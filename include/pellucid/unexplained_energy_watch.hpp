@@ -54,8 +54,8 @@ template <class S> struct UnexplainedEnergyState {
   bool started = false;  ///< false until the first period
 };
 
-/// One period of a joint under an effort that moves with a velocity, while a force sensor says `felt`. `body` is what the
-/// momentum observer made of the same period. No number is a fault.
+/// One period of a joint under an effort that moves with a velocity, while a force sensor says `felt`. `body` is what
+/// the momentum observer made of the same period. No number is a fault.
 template <class S>
 SafetyFault step(const UnexplainedEnergyCoefficients<S>& c, UnexplainedEnergyState<S>& s,
                  const BodyResidualCoefficients<S>& of, const BodyResidualState<S>& body, const S& velocity,

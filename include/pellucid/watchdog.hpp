@@ -14,8 +14,8 @@ struct Watchdog {
 /// Expected checksum of a watchdog.
 constexpr std::uint32_t check_of(const Watchdog& w) noexcept { return turned(w.beat, 7) ^ w.silent; }
 
-/// One period of the drive: whether it may give power, at the most so many periods after the last beat. Where memory lost
-/// a bit there is none until the next beat.
+/// One period of the drive: whether it may give power, at the most so many periods after the last beat. Where memory
+/// lost a bit there is none until the next beat.
 inline bool step(Watchdog& w, std::uint32_t beat, bool enable, std::uint32_t patience) noexcept {
   const bool whole = w.check == check_of(w);
   w.silent = !whole ? 0xffffffffu : beat != w.beat ? 0 : w.silent < 0xffffffffu ? w.silent + 1 : w.silent;
