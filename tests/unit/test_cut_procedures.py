@@ -127,7 +127,7 @@ def test_an_isolated_muscle(data_folder, tmp_path):
     stream = spoilt.recording(name).streams["displacement"]
     lost = replace(stream, cuts=(Cut("spike", "displacement", 0.0, 0.1, 3, 3, "a spike of 3 mm"),))
     study.kept.recordings[name] = replace(spoilt.recording(name), streams={"displacement": lost})
-    with pytest.raises(RecordingError, match=r"found a spike of 3 mm .* expected a displacement without a break"):
+    with pytest.raises(RecordingError, match=r"found a spike of 3 mm .* expected a displacement without gaps"):
         isolated_muscle(study)
 
 

@@ -177,7 +177,7 @@ def test_what_the_others_tell_takes_a_channel_s_place():
     other = changed(other, rectus=0.5 * other.envelopes["vastus"])
     without = own.predict_channels(changed(other, rectus=np.ones(len(other))), ["rectus"]).envelopes["rectus"]
     np.testing.assert_allclose(without, other.envelopes["rectus"], atol=0.1 * np.max(other.envelopes["rectus"]))
-    with pytest.raises(IdentificationError, match="found no channel that is as it was"):
+    with pytest.raises(IdentificationError, match="found no unchanged channel"):
         own.predict_channels(other, MUSCLES)
 
 

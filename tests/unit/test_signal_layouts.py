@@ -309,7 +309,7 @@ def test_arrays_of_numpy_are_named_by_texts_beside_them(tmp_path):
     columns = read_columns(tmp_path / "a.npz")
     assert columns["q.knee"].tolist() == columns["dq.knee"].tolist() == T.tolist()
     assert "emg.2" in columns
-    with pytest.raises(RecordingError, match='column "info": holds objects of Python, which could run a program'):
+    with pytest.raises(RecordingError, match='column "info": contains Python objects, which could run a program'):
         columns["info"]
 
 

@@ -76,7 +76,7 @@ _SEVERAL_SPEEDS = "Record at several speeds, up to fast ones."
 _SLOW_AND_FAST = "Record slow motions as well as fast ones, in both directions."
 _SLOW_REVERSALS = "Record slow reversals, so that the joint is often just above zero speed."
 _KNOWN_MASS = "Record with and without a known mass attached, or over a wider range of angles."
-_HIDDEN_LEVEL = "the other friction terms explain what it would"
+_HIDDEN_LEVEL = "the other friction terms explain its effect"
 _RARELY_SLOW = "it spends too little time just above zero speed"
 _SAME_LOAD = "the load hardly changes"
 

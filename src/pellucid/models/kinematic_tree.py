@@ -260,8 +260,8 @@ def _check_masses(order: Sequence[TreeJoint], links: dict[str, Link], where: str
             )
         if joint.kind != "fixed" and carried[link.name] == 0.0 and joint.rotor_inertia == 0.0:
             raise IdentificationError(
-                f"{where}: link {link.name!r}: found mass 0 on joint {joint.name!r}, which moves, and nothing behind "
-                "it; expected > 0: a rough body will do, recordings tell the rest"
+                f"{where}: link {link.name!r}: found mass 0 on joint {joint.name!r}, which moves, and no mass on the "
+                "links after it; expected > 0: state a rough mass, identification corrects it"
             )
         if joint.parent in carried:
             carried[joint.parent] += carried[link.name]

@@ -85,7 +85,9 @@ def friedman(data: np.ndarray, *, exact: bool = False) -> FriedmanTest:
     sums = ranks.sum(axis=0)
     spread = np.sum((ranks - 0.5 * (k + 1)) ** 2)
     if spread == 0.0:
-        raise PellucidError("Friedman: every participant's values are all equal, so nothing is ranked")
+        raise PellucidError(
+            "Friedman: found equal values in all conditions of every participant, expected values that can be ranked"
+        )
     statistic = (k - 1) * float(np.sum((sums - 0.5 * n * (k + 1)) ** 2)) / float(spread)
     p_exact = _exact_p_value(ranks, sums) if exact else None
     return _friedman_test(statistic, sums, n, p_exact)

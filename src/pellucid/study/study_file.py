@@ -392,7 +392,7 @@ class RigJoint(JointTable):
         if self.turns and not self.turns.get(self.name):
             raise ValueError(f"turns: found {self.turns}, expected how often the motor turns with {self.name} itself")
         if self.turns and self.drive is not None and self.drive.gear_ratio != 1.0:
-            raise ValueError("found turns and a gear_ratio, expected one of them: turns say the gears")
+            raise ValueError("found turns and a gear_ratio, expected one of them: turns include the gear ratio")
         return self
 
     @model_validator(mode="wrap")
@@ -828,7 +828,7 @@ class Stream(StudyTable):
         if "time" not in self.channels:
             raise ValueError("no channel time found, expected one with its column and unit, or its rate")
         if not self.join and {"offset", "drift"} & self.model_fields_set:
-            raise ValueError("found offset or drift of a stream on a clock of its own, expected join = true with it")
+            raise ValueError("found offset or drift of a stream that is not joined, expected join = true with them")
         both = {"position", *DELAYED_CHANNELS} & set(self.channels)
         if self.join and not both and "auto" in (self.offset, self.drift):
             raise ValueError(
@@ -1224,7 +1224,7 @@ class StudyFile(StudyTable):
     def _tables_fit_together(self) -> StudyFile:
         alone = [name for name, table in self.procedures.items() if table.alone]
         if len(alone) > 1:
-            raise ValueError(f"found the tables {', '.join(alone)}, expected one of them: each is a study of its own")
+            raise ValueError(f"found the tables {', '.join(alone)}, expected one of them: each needs its own study")
         if any(joint.drive is None for joint in self.rig.joints) and not self.procedures:
             raise ValueError("[rig.drive] no such table found, expected one that says how the effort is known")
         for table in self.procedures.values():

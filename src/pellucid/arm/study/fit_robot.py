@@ -582,8 +582,8 @@ def _require_signs(where: str, robot: Robot, motions: Sequence[TreeMotion]) -> t
         found = f"friction of joint {name} that delivers energy, {-100 * share:.2g} % of its effort times its speed"
         if share < -SIGN_THRESHOLDS.sensor_power_threshold:
             raise IdentificationError(
-                f"{where}: effort: found {found}: the effort has the opposite sign of the position, expected one that "
-                "drives positive motion where it is positive"
+                f"{where}: effort: found {found}: the effort has the opposite sign of the position, expected "
+                "a positive effort to drive the joint in the positive direction"
             )
         if share < -SIGN_THRESHOLDS.motor_power_threshold:
             notes.append(f"found {found}: if a motor gives the effort, its sign is wrong")

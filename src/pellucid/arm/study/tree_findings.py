@@ -181,7 +181,7 @@ def report_payload(case: TreeResult) -> Iterator[Verdict]:
         if p.error <= FINDING_THRESHOLDS.max_mass_error_percent:
             yield Verdict("good", text, weight=p.error)
         else:
-            do = "Check the gains of the drives: [tree] gains says where they come from."
+            do = "Check the gains of the drives; [tree] gains states their source."
             yield Verdict("warning", text, do, weight=p.error)
 
 

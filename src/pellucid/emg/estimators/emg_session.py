@@ -343,7 +343,7 @@ class FittedSession:
         bad = [k for k, muscle in enumerate(self.muscles) if muscle in muscles]
         good = [k for k in range(len(self.muscles)) if k not in bad]
         if not good:
-            raise IdentificationError(f"recording {trial.name}: found no channel that is as it was, expected one")
+            raise IdentificationError(f"recording {trial.name}: found no unchanged channel, expected at least one")
         x = np.column_stack([trial.envelopes[m] for m in self.muscles])
         x[:, bad] = self.floor[bad] + 0.5 * self.span[bad]
         # Several rounds are needed, since replaced channels are also predicted from each other.

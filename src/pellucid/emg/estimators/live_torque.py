@@ -92,7 +92,7 @@ class LiveTorque:
         angles by joint. A value that is absent or NaN counts as missing.
         """
         if not np.isfinite(time) or abs(time) > 9e9:
-            raise PellucidError(f"time: found {time:g} s, expected seconds on a clock that only goes on")
+            raise PellucidError(f"time: found {time:g} s, expected the time of a monotonic clock, in seconds")
         envelope = self._ordered_values("EMG", self.channels, emg)
         angle = self._gain * np.array(self._ordered_values("angles", self.card.angles, angles), float)
         torque, fault, lost, above, blind = self._core.step(round(1e6 * time), envelope, angle)

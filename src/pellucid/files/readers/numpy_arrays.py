@@ -21,8 +21,8 @@ from ._signals import Signals
 
 ENDINGS = (".npz", ".npy")
 
-OBJECTS_TEXT = "holds objects of Python, which could run a program, expected numbers; save each as an array of its own"
-"""What a column of objects says."""
+OBJECTS_TEXT = "contains Python objects, which could run a program, expected numbers; save each as a separate array"
+"""Message for a column of objects."""
 
 
 def read(path: Path) -> Columns:

@@ -418,8 +418,8 @@ def fit_joint(
         found = run(study, "joint", joint={"families": families, "thorough": bool(thorough)})
     except ReversedSignError as error:
         raise IdentificationError(
-            f"{where}: effort: {error.found}: the effort has the opposite sign of the position, expected effort that "
-            "drives positive motion where it is positive; give -effort, or -position"
+            f"{where}: effort: {error.found}: the effort has the opposite sign of the position, expected a positive "
+            "effort to drive the joint in the positive direction; give -effort, or -position"
         ) from None
     except PellucidError as error:
         raise _of_arrays(where, config, error) from None

@@ -308,7 +308,7 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float, payl
         return Verdict("wrong", sentence, do, weight=weight)
     if "gravity_cosine" in each.own and abs(each.turned) > MIN_ZERO_DIFFERENCE_RAD:
         sentence += f" By its weight, its angle reads {-np.degrees(each.turned):+.1f} deg against theirs."
-        do = f"Check the encoder's zero in {which}: an offset of its own in that recording's channels puts it right"
+        do = f"Check the encoder's zero in {which}: an offset in that recording's channels corrects it"
     elif np.isfinite(each.scale) and abs(each.scale - 1.0) > FINDING_THRESHOLDS.min_scale_difference:
         sentence += f" Its effort is {each.scale:.3g} times what the others' model asks for."
         do = f"Check the drive's unit, scale and sign in {which}"
@@ -531,9 +531,9 @@ def report_family_choice(case: JointCase) -> Iterator[Verdict]:
         text += f"model's by {_share(nearest.excess)} ± {_share(nearest.standard_error)}."
         if open_ones:
             is_partly = len(open_ones) < len(added)
-            text += f" Of what it adds, {', '.join(open_ones)} is not identified"
+            text += f" Of its additional parameters, {', '.join(open_ones)} cannot be identified"
             text += (
-                ", which decides nothing about its predictions."
+                ", which does not affect its predictions."
                 if is_partly
                 else (": use its predictions, not its value.")
             )

@@ -405,7 +405,7 @@ def _drive(study: Study, fit: JointResult) -> str:
     if drive.kind == "torque":
         return "as a sensor measured it"
     if drive.constant is None:
-        return f"the drive's own {drive.kind}: no constant is known, so results are per {drive.kind}"
+        return f"the drive's {drive.kind}, without a known torque constant: results are in units of {drive.kind}"
     # With a known resistance, a voltage drive's constant is the motor's own, per ampere.
     per = "V" if drive.kind == "voltage" and drive.resistance is None else "A"
     unit = f"{fit.effort_unit}/{per}"

@@ -48,8 +48,8 @@ class TreeLimits:
             if not low < high:
                 raise PellucidError(f"limits: joint {name!r}: found low {low:g} and high {high:g}, expected low < high")
         if (self.effort is None) != (self.effort_of is None):
-            raise PellucidError("limits: efforts are held to a limit only where it is known what a motion takes; "
-                                "found one without the other")  # fmt: skip
+            raise PellucidError("limits: found only one of effort and effort_of, expected both: a limit of the effort "
+                                "needs a function that computes the effort of a motion")  # fmt: skip
 
     def slacks(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
         """Return the slack of each limit as a share of it, (n, limits), below 0 if it is exceeded. Inputs (n, m)."""

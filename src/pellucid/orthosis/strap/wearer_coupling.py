@@ -287,9 +287,9 @@ def _strap_verdicts(found: WearerCoupling, decision: StrapDecision) -> Iterator[
     what += " (stiffness and tangents are those of the strap without tissue)" if strap.model.has("tissue") else ""
     yield Verdict(
         "note",
-        f"{who}: {what}. It was recorded from {low:+.1f} to {high:+.1f} deg, with tangent stiffnesses of {at_low:.3g} "
-        f"and {at_high:.3g} N*m/rad there and {strap.stiffness.value:.3g} where it begins to pull. The best-fitting "
-        f"spring and damper have a stiffness of {_read(found.orthosis_side.stiffness)}.",
+        f"{who}: {what}. It was recorded from {low:+.1f} to {high:+.1f} deg. The tangent stiffness is {at_low:.3g} "
+        f"and {at_high:.3g} N*m/rad at these ends and {strap.stiffness.value:.3g} at the onset of tension. The best "
+        f"spring and damper alone have a stiffness of {_read(found.orthosis_side.stiffness)}.",
     )
     if strap.stiffness.refused:
         yield Verdict("warning", f"{who}: the stiffness has no interval: {strap.stiffness.refused}.")

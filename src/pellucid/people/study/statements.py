@@ -203,7 +203,7 @@ def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdic
     found_verdicts += _one_sided(found)
     if len(found.participants) == 1:
         found_verdicts.append(
-            Verdict("warning", f"Only {found.participants[0]} can be compared: one participant, so nothing is tested.")
+            Verdict("warning", f"Only {found.participants[0]} can be compared. A test needs more participants.")
         )
     total = sum(found.left_out.values())
     if total:

@@ -113,7 +113,7 @@ def _tiles(found: Audit) -> tuple[Tile, ...]:
 
 
 def _verdict_table(found: Audit) -> Table:
-    heads = ("level", "channel", "what it probably holds", "verdict", "what was found")
+    heads = ("level", "channel", "probable content", "verdict", "findings")
     rows = (
         Row((v.level, v.channel, v.holds, v.verdict, typeset_quantities("; ".join(v.sentences))))
         for v in found.verdicts

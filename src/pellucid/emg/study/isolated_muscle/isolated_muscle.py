@@ -245,7 +245,7 @@ def _imposed(recording: Recording, study: Study) -> tuple[np.ndarray, np.ndarray
     if bad:
         raise RecordingError(
             f"{source.path.name} (recording {recording.name}), channel {bad[0].channel}: found {bad[0].found} at "
-            f"{bad[0].start:.6g} s, expected a displacement without a break: the muscle is simulated along all of it"
+            f"{bad[0].start:.6g} s, expected a displacement without gaps: the muscle is simulated over all of it"
         )
     if amplitude is None or table.displacement not in source:
         missing = "amplitude" if amplitude is None else f"channel {table.displacement}"

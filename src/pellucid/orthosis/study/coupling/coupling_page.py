@@ -216,7 +216,7 @@ def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
         f"strap_{who}",
         figure,
         f"Elastic torque of the strap of {who} over the angle between limb and orthosis: measured with the limb's IMU, "
-        f"the chosen model ({strap.model.words}), its tangent where it begins to pull, and the best-fitting spring "
+        f"the chosen model ({strap.model.words}), its tangent at the onset of tension, and the best-fitting spring "
         "alone. The torques of damper and relaxation are subtracted.",
     )
 
@@ -346,7 +346,7 @@ def _straps(findings: CouplingResult) -> Section:
         (
             "The strap's torque is computed from the torque balance of one body. The strap is modelled as a spring and "
             "a damper; hardening, slack, relaxation, misalignment, friction and soft tissue are added if they improve "
-            "the prediction of held-out blocks. Its stiffness is the tangent where it begins to pull. In the published "
+            "the prediction of held-out blocks. Its stiffness is the tangent at the onset of tension. In the published "
             "sum of both balances, the strap's torque cancels.",
         ),
         parameter_tables(findings, ": strap"),

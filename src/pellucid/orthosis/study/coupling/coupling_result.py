@@ -284,7 +284,7 @@ def _limb_rows(who: str, stages: WearerStages, row, parameter) -> Iterator[Resul
 def _coupling_rows(who: str, found: WearerCoupling, row, parameter, checksums) -> Iterator[ResultRow]:
     head, fit = f"{who}.coupling", found.orthosis_side
     strap, stiffness = found.strap, found.parameter("stiffness")
-    yield parameter(f"{head}.k", stiffness, stiffness.refused or "tangent where it begins to pull")
+    yield parameter(f"{head}.k", stiffness, stiffness.refused or "tangent at the onset of tension")
     yield parameter(f"{head}.b", found.parameter("damping"))
     if strap is not None:
         yield from _strap_rows(f"{head}.strap", strap, row, parameter)

@@ -180,7 +180,7 @@ def verdicts(looks: Mapping[str, FirstLook], unseen: Mapping[str, str], channels
         if np.isfinite(found.even_share):
             side = "even" if found.even_share > 0.5 else "odd"
             share = max(found.even_share, 1.0 - found.even_share)
-            by = f", {100.0 * share:.0f} % of it of {side} order"
+            by = f"; {100.0 * share:.0f} % of the distortion is of {side} order"
         yield Verdict(
             "warning" if found.highest_fit_limit < LOOK_THRESHOLDS.linear_fit_warning_percent else "note",
             f"Before any model ({look.name}): the best possible fit of a linear model {path} is "
