@@ -210,7 +210,7 @@ def test_what_a_bound_holds_is_named_after_its_joint():
     held = Parameter("joint_1.coulomb", "N*m", 0.0, 0.1, at_bound=True)
     case = SimpleNamespace(best=SimpleNamespace(parameters={held.name: held}))
     (told,) = tree_findings.report_held_by_a_bound(case)
-    assert told.text.startswith("On a physical bound: coulomb of joint 1..")
+    assert told.text.startswith("On a physical bound: coulomb of joint 1.")
 
 
 def test_parameters_have_the_drives_unit_where_no_gain_is_known(found):
