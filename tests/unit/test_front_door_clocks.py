@@ -197,6 +197,7 @@ def test_a_motion_without_times_or_a_rate_is_no_study(tmp_path):
     path = written(tmp_path / "run.csv", "angle_rad,torque_Nm", (q, tau))
     with pytest.raises(PellucidError, match=r"no sampling rate.*rate=500 Hz"):
         init_from_files(tmp_path / "refused", [path])
+    assert {q.key: q.default for q in proposed(path).asked}["rate"] == "unknown"
     assert not (tmp_path / "refused").exists()
     init_from_files(tmp_path / "study", [path], answers={"rate": "100 Hz"})
 
@@ -298,10 +299,11 @@ def test_two_positions_in_the_ratio_of_a_gear_are_one_joint(tmp_path):
     assert 'position = { column = "Feedback2.Position [deg]"' in text
 
 
-def test_two_joints_that_move_alike_stay_joints(tmp_path):
+@pytest.mark.parametrize("share", [0.1, 0.001])
+def test_two_joints_that_move_alike_stay_joints(tmp_path, share):
     t, q, tau = swing(rate=200.0)
     other = 2.0 * swing(seed=2, rate=200.0)[1]
-    columns = (t, q, 2.0 * q + 0.1 * other, tau, 2.0 * tau)
+    columns = (t, q, 2.0 * q + share * other, tau, 2.0 * tau)
     path = written(tmp_path / "d.csv", "time_s,hip_q [rad],knee_q [rad],hip_tau [Nm],knee_tau [Nm]", columns)
     assert proposed(path).main.roles.joints == ("hip_q", "knee_q")
 

@@ -1589,7 +1589,7 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
         yield Question(
             "rate",
             "What is the sampling rate? No column is a time, and no file states the rate.",
-            f"{guess:g} Hz",
+            "unknown" if drive is not None else f"{guess:g} Hz",
             f"all speeds, filters and inertias; {why}",
         )
     if drive is not None:

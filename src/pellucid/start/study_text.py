@@ -24,6 +24,8 @@ from .inference.clocks import find_clock
 from .inference.encodings import decode_counts
 from .inference.processing_choice import choose_processing
 from .propose_study import (
+    NO_ANSWERS,
+    PROPOSAL_LIMITS,
     SAID_BY_LAB,
     SCALE_QUESTIONS,
     UNKNOWN_SUPPLY,
@@ -340,7 +342,9 @@ def _rate(proposal: Proposal, layout: Layout) -> float:
     if layout.roles.rate is not None:
         return layout.roles.rate
     question = next((q for q in (*proposal.asked, *proposal.marked) if q.key == "rate"), None)
-    return float((question.default if question else "100 Hz").split()[0])
+    if question is None or question.default in NO_ANSWERS:
+        return PROPOSAL_LIMITS.default_rate_hz
+    return float(question.default.split()[0])
 
 
 def _time(layout: Layout, proposal: Proposal) -> str:

@@ -951,6 +951,10 @@ class _Assignment:
         """Tell the position of a motor from its joint's, where both have a unit and are in the ratio of a gear."""
         measured = [r for r in self.roles.values() if r.quantity == "position" and not r.is_command]
         angles = [r.column for r in measured if r.unit_is_certain and is_known_unit(r.unit, "rad")]
+        efforts = [r.quantity for r in self.roles.values() if r.quantity in DRIVE_QUANTITIES and not r.is_command]
+        # Joints that follow one command in different sizes have an effort each.
+        if len(angles) <= max((efforts.count(each) for each in efforts), default=0):
+            return
         for pair in combinations(angles[: ROLE_LIMITS.max_geared_positions], 2):
             if any(name not in self.roles or name in self.geared for name in pair):
                 continue
