@@ -316,10 +316,19 @@ def test_names_in_letters_of_other_countries_are_drawn_without_a_warning(tmp_pat
         init_from_files(tmp_path / "study", [path])
 
 
-def test_weight_tells_the_turn_of_stated_counts(tmp_path):
+def test_weight_gives_the_default_turn_of_stated_counts(tmp_path):
     t, q, tau = swing(rate=200.0)
     counts = 20000.0 + np.round(8192.0 * q / (2.0 * np.pi))
     found = proposed(written(tmp_path / "adc.csv", "t_s,enc_counts,torque_Nm", (t, counts, tau)))
     (position,) = (r for r in found.main.channels if r.quantity == "position")
     assert (position.unit, position.keys["counts_per_turn"]) == ("counts", 8192)
-    assert "counts_per_turn" not in {question.key for question in found.asked}
+    assert {question.key: question.default for question in found.asked}["counts_per_turn"] == "8192"
+
+
+def test_a_further_column_named_like_a_channel_is_none(tmp_path):
+    t, q, tau = swing()
+    columns = (t, 50.0 * np.degrees(q + tau / 2000.0), np.degrees(q), tau)
+    head = "time_s,motor position [deg],joint position [deg],joint torque [Nm]"
+    path = written(tmp_path / "drive.csv", head, columns)
+    init_from_files(tmp_path / "study", [path])
+    assert roles_of(proposed(path))["motor position [deg]"] == "further_motor_position"

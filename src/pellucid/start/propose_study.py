@@ -305,6 +305,8 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         possible.add("time_unit")
     if main.roles.clock.coarse_column is not None:
         possible.add("rate")
+    if any(role.unit == "counts" and role.quantity in ("position", "motor_position") for role in main.channels):
+        possible.add("counts_per_turn")  # who knows the encoder knows it better than the weight tells it
     unknown = answered - possible
     if unknown:
         known = ", ".join(question.key for question in questions)

@@ -847,6 +847,8 @@ class _Assignment:
                 keys["counts_per_turn"], sure = by_speed, float(np.ptp(known)) < 2.0 * by_speed
             elif unit == "counts" and name in self._counts:
                 keys["counts_per_turn"], sure = self._counts[name]
+                # A file that states counts has an encoder that its lab knows: the weight gives the default.
+                sure = sure and stated is None
             if documented is not None and documented.unit == unit and documented.scale is not None:
                 keys["scale"] = documented.scale
             return role.in_unit(unit, why, sure)
@@ -1145,10 +1147,14 @@ class _Assignment:
 
     def _make_extra(self, name: str) -> None:
         role = self.roles[name]
-        if not role.unit_is_certain or not role.is_certain:
+        has_unit = role.unit_is_certain or self._stated(name) == "counts"
+        if not has_unit or not role.is_certain:
             self._leave_out(name, f"another {role.quantity} of uncertain meaning: {role.why}")
             return
-        self.roles[name] = replace(role, quantity=_plain_label(self.names[name].bare).casefold(), label="")
+        label = _plain_label(self.names[name].bare).casefold()
+        # A further column may be named like a channel that a study reads.
+        label = f"further_{label}" if label in ESSENTIAL_QUANTITIES or label in QUANTITY_WORDS else label
+        self.roles[name] = replace(role, quantity=label, label="")
 
     def _name_persons_joints(self, by_quantity: dict[str, list[str]]) -> None:
         """Name angles and moments of a person's joints."""
