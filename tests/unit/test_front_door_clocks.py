@@ -332,3 +332,13 @@ def test_a_further_column_named_like_a_channel_is_none(tmp_path):
     path = written(tmp_path / "drive.csv", head, columns)
     init_from_files(tmp_path / "study", [path])
     assert roles_of(proposed(path))["motor position [deg]"] == "further_motor_position"
+
+
+def test_losses_that_leave_no_stretch_are_refused_by_their_name(tmp_path):
+    t, q, tau = swing(rate=250.0)
+    lost = np.random.default_rng(6).random(len(t)) < 0.2
+    rows = [f"{a:.3f},," if x else f"{a:.3f},{b:.4f},{c:.4f}" for a, b, c, x in zip(t, q, tau, lost, strict=True)]
+    path = tmp_path / "radio.csv"
+    path.write_text("\n".join(["time_s,angle_rad,torque_Nm", *rows, ""]), encoding="utf-8")
+    with pytest.raises(PellucidError, match="missing sample"):
+        init_from_files(tmp_path / "refused", [path])

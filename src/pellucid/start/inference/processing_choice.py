@@ -173,8 +173,10 @@ def cut_missing(choice: ProcessingChoice, tables: Sequence[np.ndarray], rate: fl
     if not limits.usual_cut_share < share <= limits.max_missing_share:
         return choice
     thinned = next(
-        (k for k in range(choice.decimate, 0, -1) if _sound_share(tables, choice, k) >= limits.min_kept_share), 1
+        (k for k in range(choice.decimate, 0, -1) if _sound_share(tables, choice, k) >= limits.min_kept_share), None
     )
+    if thinned is None:
+        return choice
     return replace(choice, decimate=thinned, cut_share=round(share + limits.cut_share_margin, 1))
 
 
