@@ -9,7 +9,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "unit"))
 
 import pellucid
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 def test_the_core_and_a_controller_compile_for_three_systems(tmp_path):

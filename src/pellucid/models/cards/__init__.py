@@ -1,7 +1,12 @@
 """Cards of servos and machines that were identified from public recordings.
 
-``pl.cards.names()`` lists them, and ``pl.cards.load("dynamixel-xl330")`` returns one with its parameters, intervals,
-source and licence.
+``pl.cards.names()`` lists them, and ``pl.cards.load(NAME)`` returns one with its parameters, intervals, source and
+licence.
+
+>>> import pellucid as pl
+>>> card = pl.cards.load("dynamixel-xl330")
+>>> card["inertia"].unit
+'kg*m^2'
 """
 
 from __future__ import annotations
