@@ -44,6 +44,7 @@ from pellucid.study.datasets.registry import path as data_set
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow
 from pellucid.study.study import STUDY_FILE, Study
+from research.benchmarks._size import is_smallest
 
 WALKING = "lower_limb_walking"
 ISOMETRIC_PEOPLE = ("ID1", "ID2", "ID3")
@@ -204,9 +205,12 @@ def ranking_rows(compared: Mapping[str, Sequence[float]]) -> Iterator[ResultRow]
     """
     for name, logs in sorted(compared.items(), key=lambda pair: np.mean(pair[1])):
         mean, count = float(np.mean(logs)), len(logs)
-        half = float(student.ppf(0.975, count - 1) * np.std(logs, ddof=1) / np.sqrt(count))
+        interval = ""
+        if count > 1:
+            half = float(student.ppf(0.975, count - 1) * np.std(logs, ddof=1) / np.sqrt(count))
+            interval = f"95 % interval {np.exp(mean - half):.2f} to {np.exp(mean + half):.2f}; "
         words = (
-            f"95 % interval {np.exp(mean - half):.2f} to {np.exp(mean + half):.2f}; error over that of the best method "
+            f"{interval}error over that of the best method "
             f"of each case, geometric mean over {count} cases of real people who walk, run, lift, extend or hold"
         )
         yield row(f"ranking.{name.replace(' ', '_')}", np.exp(mean), "1", words)
@@ -226,6 +230,9 @@ def make_fold(fitted: Sequence[TorqueTrial], held: Sequence[TorqueTrial]) -> Fol
 
 def emg_cases(folder: Path) -> Iterator[Case]:
     """Yield every case whose data set is present; studies are made in `folder`."""
+    if is_smallest():
+        yield nmsm_case(folder / "nmsm")
+        return
     yield from walking_cases(folder / "walking")
     yield from lifting_cases(folder / "lifting")
     yield nmsm_case(folder / "nmsm")
