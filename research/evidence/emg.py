@@ -48,6 +48,7 @@ from research.benchmarks._walking import DATASET as WALKING
 from research.benchmarks._walking import walking_study
 
 from ._emg_cases import case_rows
+from ._emg_files import files_rows
 from ._emg_onset import onset_rows
 from ._emg_watch import moved_rows, session_rows, wrong_floats
 from ._emg_watch import raw_rows as raw_emg_rows
@@ -89,6 +90,7 @@ def rows() -> Iterator[ResultRow]:
     yield from onset_rows()
     yield from case_rows()
     yield from moved_rows()
+    yield from files_rows()
     yield from choice_rows()
     yield from export_rows()
     yield from geometry_rows()

@@ -1,5 +1,13 @@
 """Types of errors. Every message names the file, the channel, the finding and the expectation."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .files.fault import Fault
+
 
 class PellucidError(ValueError):
     """Base of every error a user can cause or meet; the command line prints it without a traceback.
@@ -48,7 +56,14 @@ class DamagedRowsWarning(UserWarning):
 
 
 class UnfitRecordingError(RecordingError):
-    """Recordings were read, but `check` refuses them. The command line ends with the same status as `check`."""
+    """Recordings were read, but `check` refuses them. The command line ends with the same status as `check`.
+
+    `faults` are all that `check` found, where it came to its end.
+    """
+
+    def __init__(self, message: str, faults: Sequence[Fault] = ()) -> None:
+        super().__init__(message)
+        self.faults = tuple(faults)
 
 
 class DatasetError(PellucidError):

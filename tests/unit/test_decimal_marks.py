@@ -3,7 +3,7 @@
 import pytest
 
 import pellucid as pl
-from pellucid.start.file_facts import find_drive_facts, find_rate
+from pellucid.files.file_facts import find_drive_facts, find_rate
 
 
 def written(folder, text, name="log.csv"):

@@ -202,3 +202,65 @@ def test_microvolts_that_are_taken_for_volts_are_named_so():
     wrong = find_implausible(Channel("emg.biceps", 1e6 * RAW, "V", ""))
     assert wrong is not None
     assert wrong.probable_unit == "uV"
+
+
+def walking(seed, rate=1000.0, pace=1.1, session=3):
+    """Return EMG of four muscles of one person, each with its own size, spectrum and time in a stride."""
+    rng, body = np.random.default_rng([seed, 5]), np.random.default_rng(session)
+    t = np.arange(round(12.0 * rate)) / rate
+    columns = []
+    for k in range(4):
+        phase = (t / pace + 0.27 * k + 0.01 * rng.standard_normal()) % 1.0
+        low = body.uniform(25.0, 60.0)
+        sos = signal.butter(2, [low, low * body.uniform(2.0, 5.0)], "bandpass", fs=rate, output="sos")
+        noise = signal.sosfiltfilt(sos, rng.standard_normal(len(t)))
+        burst = np.exp(-(((phase - 0.5) / 0.12) ** 2))
+        columns.append(1e-6 * (body.uniform(60, 250) * burst * noise / noise.std() + 3.0 * rng.standard_normal(len(t))))
+    return np.column_stack(columns)
+
+
+def test_exchanged_channels_are_named_against_another_recording_of_the_electrodes():
+    reference, own = walking(1), walking(2, pace=1.2)
+    assert kinds(own, rate=1000.0, reference=reference) == []
+    swapped = own[:, [0, 3, 2, 1]]
+    assert kinds(swapped, rate=1000.0, reference=reference) == [(1, "exchanged"), (3, "exchanged")]
+    assert kinds(swapped, rate=1000.0) == []
+
+
+def test_another_movement_is_no_exchange():
+    reference = walking(1)
+    other = np.roll(walking(2), 300, axis=0)[:, :4] * np.array([0.1, 5.0, 0.2, 4.0])
+    assert kinds(other[::-1], rate=1000.0, reference=reference) == []
+
+
+def test_times_tell_lost_samples_and_another_rate():
+    t, emg = clean(seed=3)
+    kept = np.ones(len(t), bool)
+    kept[5000:5600] = False
+    assert kinds(emg[kept], time=t[kept]) == [("time", "clock")]
+    assert kinds(emg, time=1.05 * t) == [("time", "clock")]
+    assert kinds(emg, time=t) == []
+    with pytest.raises(PellucidError, match="times of shape"):
+        pl.emg_quality(emg, rate=2000.0, time=t[:5])
+
+
+def test_short_bursts_of_a_muscle_are_no_artefact():
+    """A burst that is short beside its pause has samples far above nearly all others, and several such ones."""
+    rng = np.random.default_rng(8)
+    t = np.arange(24000) / 2000.0
+    size = 2.5e-4 * np.exp(-((((t % 3.0) - 1.5) / 0.012) ** 2)) + 3e-6
+    assert kinds((size * rng.standard_normal(len(t)))[:, None]) == []
+    sparse = 3e-6 * rng.standard_normal(len(t))
+    for k, at in enumerate(rng.choice(len(t) - 100, 12, replace=False)):
+        sparse[at : at + 12] += (1.0 + 0.07 * k) * 4e-5 * np.sin(np.arange(12) / 2.0)
+    assert kinds(sparse[:, None]) == []
+
+
+def test_a_maximum_that_a_converter_rounded_is_still_its_own():
+    _, emg = clean(seed=6)
+    sos = signal.butter(2, 6.0, fs=2000.0, output="sos")
+    envelope = np.clip(signal.sosfiltfilt(sos, np.abs(emg), axis=0), 0.0, None)
+    step = 2.2 / 65535
+    stored = np.round(envelope / envelope.max(axis=0) / step) * step
+    assert not (stored == 1.0).any()
+    assert {kind for _, kind in kinds(stored, unit="1")} == {"normalised_per_trial"}

@@ -1,10 +1,17 @@
 """EMG in the files that laboratories have: every clock is read, muscles are named, EMG alone becomes a study."""
 
+import json
+
 import numpy as np
 import pytest
+from test_emg_findings import walking
 
+import pellucid as pl
+from pellucid._errors import UnfitRecordingError
+from pellucid.files.log import log_of
 from pellucid.files.muscle_names import find_muscle
 from pellucid.files.name_evidence import read_name, words_of
+from pellucid.files.raw_emg import RawEmg
 from pellucid.files.readers import read_columns
 from pellucid.start import init_from_files as front_door
 from pellucid.start.given_files import read_given
@@ -29,6 +36,11 @@ def written(path, names, columns):
     lines += [",".join(f"{c[i]:.7g}" if i < len(c) else "" for c in columns) for i in range(rows)]
     path.write_text("\n".join(lines) + "\n")
     return path
+
+
+def rng_walk(n, seed=2):
+    """Return the steps of three slow walks, (n, 3)."""
+    return 0.01 * np.random.default_rng(seed).standard_normal((n, 3)) + 0.01
 
 
 def proposed_channels(path):
@@ -171,3 +183,141 @@ def test_an_export_of_otbiolab_has_the_names_of_its_columns(tmp_path):
     assert ("emg", "vastus_lateralis", "uV") in channels
     assert ("emg", "tibialis_anterior", "uV") in channels
     assert proposal.rate == pytest.approx(RATE)
+
+
+def test_letters_that_mean_other_things_name_muscles_beside_emg(tmp_path):
+    t, x = bursts(channels=3)
+    path = written(tmp_path / "short.csv", ["time_s", "LVL_mV", "RST_mV", "LES_mV"], [t, *(1e3 * x.T)])
+    channels, _ = proposed_channels(path)
+    assert {label for _, label, _ in channels} == {
+        "vastus_lateralis_left", "semitendinosus_right", "erector_spinae_left",
+    }  # fmt: skip
+    envelopes = np.clip(np.cumsum(rng_walk(len(t)), axis=0), 0.0, None)
+    names = ["time_s", "LVL [%]", "RRF [%]", "RST [%]"]
+    path = written(tmp_path / "relative.csv", names, [t, *(envelopes / envelopes.max(axis=0)).T])
+    channels, _ = proposed_channels(path)
+    assert ("emg", "semitendinosus_right", "%") in channels
+    capture = written(tmp_path / "volts.csv", ["time [s]", "LVL [V]", "RRF [V]", "RST [V]"], [t, *x.T])
+    log = log_of(read_columns(capture))
+    assert [c.quantity.kind for c in log.channels] == ["time", "emg", "emg", "emg"]
+    assert read_name("RST").muscle is None
+
+
+def test_a_muscle_at_the_end_of_a_label_is_no_unit():
+    found = read_name("EMG LBF")
+    assert (found.muscle, found.unit, found.quantity) == ("biceps_femoris_left", None, "emg")
+    assert read_name("force LBF").unit == "lbf"
+
+
+def test_acknowledges_names_stand_in_lines_above_also_with_a_surplus_delimiter(tmp_path):
+    t, x = bursts(channels=2)
+    lines = ["trial.acq", "1 msec/sample", "2 channels", "Vastus Lateralis", "mV", "Soleus", "mV", "sec,CH1,CH2,"]
+    lines.append(f",{len(t)},{len(t)},")
+    lines += [f"{a:.4f},{1e3 * b:.6g},{1e3 * c:.6g}," for a, (b, c) in zip(t, x, strict=True)]
+    (tmp_path / "trial.txt").write_text("\n".join(lines) + "\n")
+    found = read_columns(tmp_path / "trial.txt")
+    assert list(found.values) == ["sec", "Vastus Lateralis", "Soleus"]
+    assert found.units["Soleus"] == "mV"
+
+
+def test_a_description_in_json_names_the_columns(tmp_path):
+    _, x = bursts(channels=2)
+    said = {"00:07": {"column": ["nSeq", "EMG_VL", "EMG_TA"], "sampling rate": 1000, "units": ["mV", "mV"]}}
+    lines = ["# OpenSignals Text File Format", f"# {json.dumps(said)}", "# EndOfHeader"]
+    lines += [f"{i}\t{1e3 * a:.6g}\t{1e3 * b:.6g}" for i, (a, b) in enumerate(x)]
+    (tmp_path / "signals.txt").write_text("\n".join(lines) + "\n")
+    channels, proposal = proposed_channels(tmp_path / "signals.txt")
+    assert channels == {("emg", "vastus_lateralis", "mV"), ("emg", "tibialis_anterior", "mV")}
+    assert proposal.rate == pytest.approx(1000.0)
+
+
+def test_a_row_of_units_of_the_channels_alone_moves_no_name(tmp_path):
+    t, x = bursts(channels=2)
+    lines = ["SAMPLE_RATE\t1000", "CHANNEL_NAMES\tVL_R\tTA_R", "UNITS\tmV\tmV", "SAMPLE\tTIME\tVL_R\tTA_R"]
+    rows = enumerate(zip(t, x, strict=True), 1)
+    lines += [f"{i}\t{a:.4f}\t{1e3 * b:.6g}\t{1e3 * c:.6g}" for i, (a, (b, c)) in rows]
+    (tmp_path / "analog.tsv").write_text("\n".join(lines) + "\n")
+    found = read_columns(tmp_path / "analog.tsv")
+    assert list(found.values) == ["SAMPLE", "TIME", "VL_R", "TA_R"]
+    assert found.units["VL_R"] == "mV"
+
+
+def test_bids_says_which_muscle_a_channel_is_of(tmp_path):
+    _, x = bursts(seconds=6.0, channels=3)
+    path = RawEmg(x, RATE, ("soleus_right", "Right Biceps Femoris", "x")).to_bids(
+        tmp_path / "set", subject="01", task="walking", reference="bipolar", placement="SENIAM"
+    )
+    channels, _ = proposed_channels(path)
+    labels = {label for _, label, _ in channels}
+    assert {"soleus_right", "biceps_femoris_right"} <= labels
+
+
+def test_the_rate_that_a_file_states_is_that_of_an_audit(tmp_path):
+    from scipy.io import savemat
+
+    _, x = bursts(channels=3)
+    x[:, 1] = 5e-8 * np.random.default_rng(0).standard_normal(len(x))
+    own = {"data": 1e3 * x, "labels": np.array(["VL", "RF", "BF"], object), "fs": RATE, "unit": "mV"}
+    savemat(tmp_path / "struct.mat", {"emg": own})
+    found = pl.audit(tmp_path / "struct.mat")
+    assert [v.verdict for v in found.verdicts if v.channel.endswith(".RF")] == ["dead"]
+    assert not [v for v in found.verdicts if v.verdict == "no time base"]
+
+
+def test_a_rate_other_than_the_nominal_one_is_a_finding(tmp_path):
+    t, x = bursts(channels=2)
+    lines = ["Sampling rate: 1000 Hz", "time [s],VL [mV],TA [mV]"]
+    lines += [f"{1.1 * a:.5f},{1e3 * b:.6g},{1e3 * c:.6g}" for a, (b, c) in zip(t, x, strict=True)]
+    (tmp_path / "slow.csv").write_text("\n".join(lines) + "\n")
+    (clock,) = [v for v in pl.audit(tmp_path / "slow.csv").verdicts if v.channel == "time [s]"]
+    assert "909.09 Hz, where the file states 1000 Hz" in clock.sentences[0]
+
+
+def test_exchanged_channels_of_one_of_several_files_have_the_same_finding_in_audit_and_check(tmp_path):
+    t = np.arange(12000) / RATE
+    names = ["time_s", "VL_mV", "RF_mV", "BF_mV", "TA_mV"]
+    first, second = (1e3 * walking(seed, pace=pace) for seed, pace in ((1, 1.1), (2, 1.2)))
+    files = [
+        written(tmp_path / "walk1.csv", names, [t, *first.T]),
+        written(tmp_path / "walk2.csv", names, [t, *second[:, [1, 0, 2, 3]].T]),
+    ]
+    audited = {
+        (name, v.channel) for v in pl.audit(files).verdicts for name, f in v.findings if f.kind == "exchanged"
+    }
+    assert audited == {("walk2.csv", "VL_mV"), ("walk2.csv", "RF_mV")}
+    made = front_door.init_from_files(tmp_path / "study", files)
+    checked = {(f.file, f.channel) for f in made.faults if f.kind == "exchanged"}
+    assert checked == {("walk2.csv", "emg.vastus_lateralis"), ("walk2.csv", "emg.rectus_femoris")}
+
+
+def test_a_refusal_carries_every_fault(tmp_path):
+    t, x = bursts(seconds=10.0)
+    x[:, 2] = 5e-8 * np.random.default_rng(1).standard_normal(len(t))
+    x[2000:2400, 0] = 0.0
+    path = written(tmp_path / "walk.csv", ["time_s", "VL_mV", "RF_mV", "BF_mV"], [t, *(1e3 * x.T)])
+    with pytest.raises(UnfitRecordingError) as raised:
+        front_door.init_from_files(tmp_path / "study", [path])
+    assert {(f.channel, f.kind) for f in raised.value.faults} >= {
+        ("emg.vastus_lateralis", "dropout"), ("emg.biceps_femoris", "detached_electrode"),
+    }  # fmt: skip
+
+
+def test_labcharts_ranges_state_units(tmp_path):
+    t, x = bursts(channels=2)
+    lines = ["Interval=\t0.001 s", "ChannelTitle=\tVL\tTA", "Range=\t10.000 mV\t5.000 mV"]
+    lines += [f"{a:.4f}\t{1e3 * b:.6g}\t{1e3 * c:.6g}" for a, (b, c) in zip(t, x, strict=True)]
+    (tmp_path / "chart.txt").write_text("\n".join(lines) + "\n")
+    assert read_columns(tmp_path / "chart.txt").units["TA"] == "mV"
+
+
+def test_one_unit_of_all_signals_is_none_of_frames_and_times(tmp_path):
+    t, x = bursts(channels=2)
+    lines = ["Measure unit:\tmV", "Frequency:\t1000 Hz", "Frame\tTime\tVL\tTA"]
+    lines += [f"{i}\t{a:.4f}\t{1e3 * b:.6g}\t{1e3 * c:.6g}" for i, (a, (b, c)) in enumerate(zip(t, x, strict=True))]
+    (tmp_path / "bts.txt").write_text("\n".join(lines) + "\n")
+    assert dict(read_columns(tmp_path / "bts.txt").units) == {"VL": "mV", "TA": "mV"}
+
+
+def test_a_name_that_a_format_cut_off_is_still_the_muscles():
+    assert read_name("Gastrocnemius Me").muscle == "gastrocnemius_medialis"
+    assert read_name("Right Vastus Lat").muscle == "vastus_lateralis_right"

@@ -93,7 +93,7 @@ def test_rest_may_be_named():
         (lambda t, x: (t[::4], x[::4]), "expected raw EMG at more than 600 Hz"),
         (lambda t, x: (t[:900], x[:900]), "expected at least 1 s"),
         (lambda t, x: (t, 1e-5 * np.random.default_rng(0).standard_normal(len(x))), "with rest and with activity"),
-        (lambda t, x: (t, np.where(t < 1.0, 0.0, x)), "a rest without any signal"),
+        (lambda t, x: (t, np.where((t > 2.0) & (t < 2.4), x, 0.0)), "a rest without any signal"),
     ],
 )
 def test_what_shows_no_onset_is_refused(change, said):
@@ -195,3 +195,13 @@ def test_an_artefact_at_an_onset_is_named_with_its_stretch(kind):
             emg += 4e-4 * (np.exp(-(((t - at) / 0.012) ** 2)) - 0.3 * np.exp(-(((t - at - 0.03) / 0.012) ** 2)))
     named = [one for one in pl.onset(emg, rate=2000.0).doubtful if one.kind == kind]
     assert any(one.start <= 5.0 <= one.end + 0.3 for one in named)
+
+
+def test_lost_samples_are_no_rest_and_hum_makes_onsets_doubtful():
+    time, x = emg(5, (1.2, 3.1), 0.03)
+    gone = np.where((time > 4.1) & (time < 4.8), 0.0, x)
+    found = activations(time, gone)
+    assert len(found.bursts) == 2
+    assert not 4.0 < found.rest[0] < 4.8
+    humming = activations(time, x + 3e-5 * np.sin(2.0 * np.pi * 50.0 * time))
+    assert {one.kind for one in humming.doubtful} == {"mains"}

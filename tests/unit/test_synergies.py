@@ -15,6 +15,7 @@ from pellucid.emg.estimators.synergies import (
     similarity,
     solve_non_negative,
 )
+from pellucid.emg.estimators.synergies import synergies as array_synergies
 from pellucid.emg.study.muscle_channels import MuscleEnvelopes
 from pellucid.emg.study.synergies.find_synergies import divide_by_own_maximum
 from pellucid.study.procedures.registry import open_study
@@ -87,26 +88,40 @@ def test_other_weights_are_not_alike():
 @pytest.mark.parametrize("heldout", [None, envelopes(5)])
 def test_their_number_is_found_by_what_was_not_fitted(heldout):
     count = count_synergies(envelopes(1), TIME, MUSCLES, heldout, most=5)
-    assert count.enough == 3
+    assert count.best == 3
+    assert count.interval == (3, 3)
     assert count.predicting == 3
     assert count.heldout[2] > 0.95
     assert count.left_out[2] > 0.9
     assert count.shuffled[2] < count.heldout[2] - 0.1
 
 
-def test_their_number_asks_every_muscle_too():
-    """Two loud muscles reach 90 % of all variance alone; a quiet third one would not be told."""
-    count = SynergyCount(
-        np.array([1, 2, 3]),
-        np.ones(3),
-        np.array([0.92, 0.95, 0.99]),
-        np.array([0.1, 0.7, 0.8]),
-        np.zeros(3),
-        np.ones(3),
-    )
-    assert count.enough == 3
-    none = replace(count, least=np.array([0.1, 0.2, 0.3]))
-    assert none.enough == 3
+def test_the_number_is_the_smallest_within_one_standard_error_and_its_interval_covers_other_choices():
+    errors = np.array([[0.9, 0.30, 0.29, 0.4], [0.8, 0.28, 0.31, 0.4], [0.9, 0.31, 0.26, 0.5], [0.9, 0.25, 0.27, 0.4]])
+    flat = np.ones(4)
+    count = SynergyCount(np.arange(1, 5), flat, flat, flat, flat, flat, errors)
+    assert count.best == 2
+    assert count.interval[0] == 2
+    assert count.interval[1] >= 3
+    assert replace(count, errors=errors[:, [0, 3, 2, 1]]).best == 3
+    assert "2 synergies (2 to" in count.sentence(2)
+
+
+def test_stretches_of_one_steady_movement_have_one_number():
+    """A quiet muscle, and one with noise of its own, move a threshold on every muscle's variance, and not this."""
+    rng = np.random.default_rng(4)
+    whole = np.concatenate([envelopes(seed, noise=0.06) for seed in range(3)])
+    whole[:, 3] += 0.25 * np.abs(np.convolve(rng.standard_normal(len(whole)), np.full(15, 1.0 / 4.0), "same"))
+    numbers = [len(array_synergies(part, fs=50.0)) for part in np.split(whole, 6)]
+    assert max(numbers) - min(numbers) <= 1
+
+
+def test_muscles_count_alike_in_arrays_as_in_studies():
+    plain = envelopes(2)
+    sizes = np.array([1.0, 1e-3, 1.0, 50.0, 1.0, 1.0, 0.1])
+    one, other = (array_synergies(x, fs=50.0) for x in (plain, sizes * plain))
+    assert len(one) == len(other) == 3
+    assert other.weights == pytest.approx(one.weights, abs=1e-6)
 
 
 def test_a_muscle_that_hardly_works_beside_its_maximal_contraction_counts_as_the_others():

@@ -113,3 +113,4 @@ ARRAY_FUNCTIONS = {
 }
 EXPORTER_CLASSES = ("study.estimator_folder:EstimatorExporter", "study.subject:MusclesExporter")
 LOG_CHECKS = ("signals.emg_log:emg_log_findings",)
+LOGS_CHECKS = ("signals.emg_log:exchanged_log_findings",)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -23,6 +23,8 @@ from .cut import MAX_EVEN_JITTER, MIN_GAP_STEP_RATIO
 from .defects import constant, echoed, frozen, garbage, held, limited, magnitude, missing, sensor_range, spikes
 from .defects.clipped import flat_tops
 from .defects.watched import INERTIAL_CHANNELS, find_runs
+from .file_facts import NOMINAL_RATE_FACT, find_rate
+from .name_evidence import emg_muscle
 from .personal_fields import PersonalField, find_personal_columns, find_personal_lines
 from .quantity import EFFORT_QUANTITIES, Quantity, joint_words, quantity_of
 from .readers._columns import Columns
@@ -111,6 +113,7 @@ VERDICT_WORDS = {
     limited.KIND: "saturated",
     "clipped": "clipped",
     "unit": "in another unit",
+    "exchanged": "exchanged",
     "saturation": "clipped",
     "dropout": "dropouts",
     "normalised_per_trial": "normalised per trial",
@@ -219,7 +222,8 @@ class Log:
     texts: tuple[str, ...] = ()  # names of columns of text
     personal: tuple[PersonalField, ...] = ()  # fields that tell who was recorded
     time: str = ""  # name of the time column; "" without one
-    rate: float | None = None  # rate that the user states [Hz]
+    rate: float | None = None  # rate that the user states, or else the file [Hz]
+    nominal: Mapping[str, float] = field(default_factory=dict)  # rate that the file states, by clock; "" for any [Hz]
     lost: str = ""  # what the file lacks at its end; "" for a whole file
     damaged: str = ""  # rows that were left out; "" without any
 
@@ -235,12 +239,34 @@ def log_of(columns: Columns, rate: float | None = None) -> Log:
         quantity = quantity_of(name, columns.units.get(name, ""))
         samples = np.asarray(values, float)
         channels.append(LogChannel(name, samples * quantity.factor if quantity.factor != 1.0 else samples, quantity))
+    channels = _with_short_muscles(channels)
     time = _time_column(channels)
     personal = find_personal_columns([*texts.items(), *((c.name, "") for c in channels)])
     personal += find_personal_lines(head_of_text(columns.path))
+    nominal = nominal_rates(columns.facts)
     return Log(
-        columns.path.name, tuple(channels), tuple(texts), tuple(personal), time, rate, columns.lost, columns.damaged
-    )
+        columns.path.name, tuple(channels), tuple(texts), tuple(personal), time, rate or nominal.get(""), nominal,
+        columns.lost, columns.damaged,
+    )  # fmt: skip
+
+
+def _with_short_muscles(channels: Sequence[LogChannel]) -> list[LogChannel]:
+    """Return channels of which those beside EMG, in its unit, that a few letters name after a muscle hold EMG, too."""
+    units = [c.quantity.unit for c in channels if c.quantity.kind == "emg"]
+    return [
+        replace(c, quantity=replace(c.quantity, kind="emg"))
+        if len(units) > 1 and c.quantity.kind in ("voltage", "") and c.quantity.unit in units and emg_muscle(c.name)
+        else c
+        for c in channels
+    ]
+
+
+def nominal_rates(facts: Mapping[str, str]) -> dict[str, float]:
+    """Return the sampling rates that a file states [Hz]: a stream's by its column of times, the whole file's by ""."""
+    ending = f".{NOMINAL_RATE_FACT}"
+    found = {f"{name.removesuffix(ending)}.time": float(text) for name, text in facts.items() if name.endswith(ending)}
+    stated = None if found else find_rate(facts)
+    return found if stated is None else {"": stated.value}
 
 
 def head_of_text(path: Path) -> list[str]:

@@ -105,7 +105,7 @@ _FILLERS = frozenset({
     "channel", "sensor", "trigno", "avanti", "im", "imu", "delsys", "noraxon", "cometa", "picoemg", "electrode",
     "muscle", "musculus", "m", "musc", "voltage", "analog", "signal", "data", "value", "norm", "normalised", "mvc",
     "normalized", "activation", "v", "mv", "uv", "surface", "ultium", "mini", "wave", "bipolar", "dev",
-    "adc", "a", "in", "aux", "ai",
+    "adc", "a", "in", "aux", "ai", "imported", "multiple",
 })  # fmt: skip
 """Words of labels that name no muscle."""
 
@@ -134,8 +134,10 @@ _BY_WAY = {way.replace("_", ""): muscle for muscle, ways in MUSCLE_NAMES.items()
 _FULL_NAMES = {muscle: tuple(muscle.split("_")) for muscle in MUSCLE_NAMES}
 
 
-def find_muscle(words: Sequence[str]) -> MuscleLabel | None:
+def find_muscle(words: Sequence[str], *, is_emg: bool = False) -> MuscleLabel | None:
     """Return the muscle that the words of a label name, in lower case; None if they name none.
+
+    `is_emg`: whether the channel is known to hold EMG, so that a few letters name no other thing.
 
     >>> find_muscle(["rt", "vlo"])
     MuscleLabel(muscle='vastus_lateralis', side='right', confidence=0.7)
@@ -145,11 +147,13 @@ def find_muscle(words: Sequence[str]) -> MuscleLabel | None:
     side = _side(words)
     own = [w for w in words if w not in _FILLERS and not w.isdigit() and not (side and w in SIDE_WORDS[side])]
     joined = "".join(own)
-    is_emg = bool(side) or bool({"emg", "semg", "hdemg", "uv"} & set(words))
+    is_emg = is_emg or bool(side) or bool({"emg", "semg", "hdemg", "uv"} & set(words))
     muscle = _BY_WAY.get(joined)
     if muscle is not None and (is_emg or joined not in _DOUBTFUL_LETTERS):
         return MuscleLabel(muscle, side, 1.0 if len(joined) > 5 else 0.7 if len(joined) > 2 else 0.5)
     if (muscle := _of_short_words(own)) is not None:
+        return MuscleLabel(muscle, side, 0.9)
+    if (muscle := _of_cut_name(joined)) is not None:
         return MuscleLabel(muscle, side, 0.9)
     # A letter of the side may stand before the name: RVL, LTibAnt.
     for letter, where in (("l", "left"), ("r", "right")):
@@ -162,6 +166,14 @@ def find_muscle(words: Sequence[str]) -> MuscleLabel | None:
         if len(way) > 5 and way in joined:
             return MuscleLabel(muscle, side, 0.7)
     return None
+
+
+def _of_cut_name(joined: str) -> str | None:
+    """Return the only muscle whose full name begins with a label that a format cut off, of at least ten letters."""
+    if len(joined) < 10:
+        return None
+    found = [muscle for muscle in MUSCLE_NAMES if muscle.replace("_", "").startswith(joined)]
+    return found[0] if len(found) == 1 else None
 
 
 def _side(words: Sequence[str]) -> str:

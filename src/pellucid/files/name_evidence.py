@@ -183,6 +183,8 @@ def read_name(name: str) -> NameEvidence:
     multiple = ends_in_multiple(name)
     if multiple is not None:
         unit = None
+    if unit is not None and _ends_in_muscle(name, bare):
+        bare, unit = name, None
     scale = 1.0
     if unit is None and multiple is None and (found := scaled_unit_from_text(stated_unit_text(name) or "")) is not None:
         scale, unit = found
@@ -391,6 +393,19 @@ def _is_vertebra(words: Sequence[str]) -> bool:
 
 def _muscle(bare: str) -> str | None:
     found = find_muscle(words_of(bare))
+    return None if found is None else found.name
+
+
+def _ends_in_muscle(name: str, bare: str) -> bool:
+    """Whether the last word of a label of EMG is a muscle's and no unit: the left biceps femoris of "EMG LBF"."""
+    words = words_of(name)
+    is_label = name[-1:].isalpha() and bool({"emg", "semg"} & set(words))
+    return is_label and _muscle(bare) is None and _muscle(name) is not None
+
+
+def emg_muscle(name: str) -> str | None:
+    """Return the muscle that a column names which holds EMG; None if it names none."""
+    found = find_muscle(words_of(read_name(name).bare), is_emg=True)
     return None if found is None else found.name
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from .._atomic import write_bytes_atomically, write_text_atomically
 from .._errors import RecordingError, missing_package
 from ..units import to_si_factor
+from .readers._bids import read_channel_rows, sidecar_files
 
 BIDS_VERSION = "1.11.1"
 """Version of the Brain Imaging Data Structure in which EMG is written."""
@@ -163,7 +164,7 @@ class RawEmg:
         path = Path(path)
         if path.suffix.lower() not in (".edf", ".bdf") or not path.stem.endswith("_emg"):
             raise RecordingError(f"{path.name}: found this name, expected one that ends in _emg.edf or _emg.bdf")
-        columns, sidecar, listed = read_columns(path), _read_sidecar(path), _read_channels(path)
+        columns, sidecar, listed = read_columns(path), _read_sidecar(path), read_channel_rows(path)
         wanted = [row["name"] for row in listed if row.get("type") == "EMG"]
         if not listed:
             wanted = [name for name in columns.names if columns.units.get(name, "").endswith("V")]
@@ -317,7 +318,7 @@ def _muscle_names(channels: list[str], listed: list[dict[str, str]]) -> list[str
 def _read_sidecar(path: Path) -> dict[str, Any]:
     """Return all keys of a recording's ``emg.json``; those of nearer folders replace those of folders above."""
     made: dict[str, Any] = {}
-    for file in reversed(_sidecar_files(path, "_emg.json")):
+    for file in reversed(sidecar_files(path, "_emg.json")):
         try:
             content = json.loads(file.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
@@ -326,34 +327,3 @@ def _read_sidecar(path: Path) -> dict[str, Any]:
             raise RecordingError(f"{file.name}: found {type(content).__name__}, expected an object")
         made |= content
     return made
-
-
-def _read_channels(path: Path) -> list[dict[str, str]]:
-    """Return the rows of a recording's nearest ``channels.tsv``; none without one."""
-    for file in _sidecar_files(path, "_channels.tsv"):
-        try:
-            rows = list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8-sig")), delimiter="\t"))
-        except (OSError, ValueError) as error:
-            raise RecordingError(f"{file.name}: not readable as a table: {error}") from None
-        if any(not row.get("name") or not row.get("type") for row in rows):
-            raise RecordingError(f"{file.name}: found a row without name or type, expected both in each")
-        return rows
-    return []
-
-
-def _sidecar_files(path: Path, ending: str) -> list[Path]:
-    """Return the files with an ending that apply to a recording, the nearest first.
-
-    They stand in its folder or above it within the data set, and have no entity that its own name has not.
-    """
-    own, found = set(path.stem.removesuffix("_emg").split("_")), []
-    for folder in path.resolve().parents:
-        fitting = [f for f in sorted(folder.glob(f"*{ending}")) if set(f.name.removesuffix(ending).split("_")) <= own]
-        found += sorted(fitting, key=lambda f: -len(f.name))
-        top = folder / f"{ending.lstrip('_')}"
-        found += [top] if top.is_file() else []
-        if (folder / "dataset_description.json").is_file() or len(folder.parents) < 1:
-            break
-        if not folder.name.startswith(("sub-", "ses-")) and folder.name != "emg":
-            break
-    return found

@@ -13,11 +13,11 @@ import numpy as np
 from .._errors import PellucidError, RecordingError, StudyError
 from ..arm.urdf import read_urdf
 from ..files.defects.garbage import zeroed_rows
+from ..files.file_facts import stated_units
 from ..files.name_evidence import read_name, words_of
 from ..files.personal_fields import PersonalField
 from ..files.readers import Columns, read_columns
 from ..files.readers._comma import TWO_READINGS
-from .file_facts import stated_units
 from .inference.emg_spectrum import FlatShape, common_rows, find_flat_shape
 
 MODEL_ENDINGS = (".urdf", ".osim", ".xml", ".osimx")

@@ -312,6 +312,7 @@ def _require_accepted(
     draft: Path, named: str | Path, proposal: Proposal, check: Callable[[Path], Sequence[Fault]]
 ) -> tuple[Fault, ...]:
     """Return what `check` finds in a draft; raise an UnfitRecordingError of one sentence if it refuses the draft."""
+    faults: tuple[Fault, ...] = ()
     try:
         faults = tuple(check(draft))
     except PellucidError as error:
@@ -323,7 +324,7 @@ def _require_accepted(
     if reasons:
         said = missing_part(proposal)
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 and not said else ""
-        raise UnfitRecordingError(f"{named}: {REFUSAL}: {said or reasons[0]}{more}")
+        raise UnfitRecordingError(f"{named}: {REFUSAL}: {said or reasons[0]}{more}", faults)
     return faults
 
 

@@ -16,13 +16,13 @@ import numpy as np
 from .._errors import StudyError
 from ..files.clock import first_deliveries
 from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
+from ..files.file_facts import FileFact, find_drive_facts, find_encoder_counts, find_rate
 from ..files.name_evidence import NameEvidence, quantity_of_unit, read_name, with_stated_unit, words_of
 from ..files.recording import LOCKED_SPRING_PROTOCOL, MAXIMAL_PROTOCOL
 from ..files.stated_units import scaled_unit_from_text, unit_from_text
 from ..study.drive_channel import DRIVE_CHANNELS
 from ..study.study_file import channel_unit, rig_units
 from ..units import parse_quantity, to_si_factor
-from .file_facts import FileFact, find_drive_facts, find_encoder_counts, find_rate
 from .given_files import GivenFiles, GivenTable, trial_key
 from .inference.angle_units import ANGLE_LIMITS, MAX_RADIAN_RANGE
 from .inference.assign_roles import (

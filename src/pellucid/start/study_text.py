@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from .._given import visible_text
+from ..files.file_facts import FileFact
 from ..files.name_evidence import read_name
 from ..files.recording import MAXIMAL_PROTOCOL
 from ..study.answer import Assumption
 from ..units import to_si_factor
-from .file_facts import FileFact
 from .given_files import GivenTable
 from .inference.angle_units import ANGLE_LIMITS, MAX_RADIAN_RANGE
 from .inference.assign_roles import DRIVE_QUANTITIES, ColumnRole

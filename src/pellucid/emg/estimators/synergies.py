@@ -6,11 +6,13 @@ activations H and weights W of k synergies [1]_ [2]_,
 .. math::
    E \approx H W, \qquad \mathrm{VAF} = 1 - \frac{\sum (E - H W)^2}{\sum E^2}.
 
-The number of synergies is chosen on held-out samples. With fixed weights, more synergies always reconstruct more of
-them. The number is therefore the smallest whose VAF reaches a stated threshold, over all muscles and of each [3]_. A
-harder test is to predict a held-out muscle [4]_: the activations of held-out samples are found from the other
-muscles alone. This test has an optimal k. It is also how a muscle without an electrode is filled in. If the recorded
-muscles hardly determine the activation of a synergy, a ridge limits it: the variance of the error over that of H.
+With fixed weights, more synergies always reconstruct more of held-out samples, so that their variance accounted for
+chooses no number without a threshold [3]_. The number is therefore chosen by bi-cross-validation [4]_: one muscle
+of held-out samples is predicted from the activations that the other muscles show, and each muscle
+takes its turn. The error has a minimum. The number is the smallest whose error lies within one standard error of it,
+over the blocks of time; its interval is that of the same choice on blocks drawn with replacement. The prediction is
+also how a muscle without an electrode is filled in. If the recorded muscles hardly determine the activation of a
+synergy, a ridge limits it: the variance of the error over that of H.
 
 .. [1] D. D. Lee, H. S. Seung, "Learning the parts of objects by non-negative matrix factorization", Nature 401, 1999.
 .. [2] A. d'Avella, P. Saltiel, E. Bizzi, "Combinations of muscle synergies in the construction of a natural motor
@@ -28,6 +30,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,10 +51,9 @@ class SynergySettings:
     max_iterations: int = 500  # Largest number of iterations of the factorisation
     # Smallest number of muscles by default. Two muscles have a single synergy, their common activation.
     min_muscles: int = 3
-    # The number of synergies is the smallest whose held-out variance accounted for reaches this share [3]_
-    min_vaf: float = 0.9
-    # Every muscle's held-out variance accounted for must reach this share, too [3]_: large ones could carry the rest
-    min_muscle_vaf: float = 0.75
+    min_vaf: float = 0.9  # Held-out variance accounted for that synergies have by convention [3]_
+    interval: float = 0.9  # Probability of the interval of the number
+    draw_count: int = 500  # Draws of blocks with replacement, for that interval
     # Number of blocks of time that are left out in turn if there is no held-out recording. Chosen by judgement.
     block_count: int = 5
     fold_gap_s: float = 0.2  # Gap between fitted and test samples [s]. Chosen by judgement.
@@ -98,20 +100,51 @@ class SynergyCount:
     least: np.ndarray  # Held-out VAF of the muscle that is reconstructed worst, shape (c,)
     shuffled: np.ndarray  # Held-out VAF of envelopes shifted apart in time, which is the level of chance, shape (c,)
     left_out: np.ndarray  # R2 of muscles predicted from the others, in turn, on held-out samples, shape (c,)
+    errors: np.ndarray  # Their mean square error over the variance, by block of held-out time, shape (blocks, c)
 
     @property
-    def enough(self) -> int:
-        """Smallest number whose held-out VAF reaches `min_vaf` of `SYNERGY_FIT`, and each muscle's `min_muscle_vaf`.
+    def best(self) -> int:
+        """Smallest number whose error of muscles left out lies within one standard error of the least one."""
+        return int(self.numbers[_within_one_error(self.errors)])
 
-        It is the largest number if none does.
-        """
-        reached = np.flatnonzero((self.heldout >= SYNERGY_FIT.min_vaf) & (self.least >= SYNERGY_FIT.min_muscle_vaf))
-        return int(self.numbers[reached[0]] if reached.size else self.numbers[-1])
+    @property
+    def interval(self) -> tuple[int, int]:
+        """Least and largest number that is chosen on blocks of time drawn with replacement, of the stated interval."""
+        rng = np.random.default_rng(SYNERGY_FIT.seed)
+        blocks = len(self.errors)
+        drawn = [
+            self.numbers[_within_one_error(self.errors[rng.integers(blocks, size=blocks)])]
+            for _ in range(SYNERGY_FIT.draw_count)
+        ]
+        tail = 0.5 * (1.0 - SYNERGY_FIT.interval)
+        low, high = np.quantile(drawn, (tail, 1.0 - tail), method="nearest")
+        return min(int(low), self.best), max(int(high), self.best)
+
 
     @property
     def predicting(self) -> int:
         """Number with which muscles are best predicted from the others."""
         return int(self.numbers[int(np.argmax(self.left_out))])
+
+    def sentence(self, number: int) -> str:
+        """Return how many synergies there are, how sure that is, and what they account for, in a sentence."""
+        low, high = self.interval
+        often = f"{low}" if low == high else f"{low} to {high}"
+        said = f"{number} synerg{'y' if number == 1 else 'ies'} ({often} by bi-cross-validation)"
+        if number not in self.numbers:
+            return said
+        share = 100.0 * float(self.heldout[list(self.numbers).index(number)])
+        return f"{said} account{'s' if number == 1 else ''} for {share:.0f} % of the held-out variance"
+
+
+def _within_one_error(errors: np.ndarray) -> int:
+    """Return the place of the smallest number within one standard error of the least error, of (blocks, numbers)."""
+    mean = errors.mean(axis=0)
+    least = int(np.argmin(mean))
+    # The blocks' own levels are common to all numbers: what counts is how surely the least error is less.
+    beyond = errors - errors[:, least : least + 1]
+    sure = beyond.std(axis=0, ddof=1) / np.sqrt(len(errors)) if len(errors) > 1 else np.zeros(len(mean))
+    return int(np.flatnonzero(beyond.mean(axis=0) <= sure)[0])
 
 
 def find_synergies(
@@ -161,14 +194,16 @@ def count_synergies(
     """
     e = require_envelopes(envelopes, muscles, min_muscles)
     if heldout is not None and len(heldout):
-        parts = [(e, require_envelopes(heldout, muscles, min_muscles))]
+        judged = require_envelopes(heldout, muscles, min_muscles)
+        parts = [(e, judged)]
     else:
         parts = [
             (e[fitted], e[judged])
             for fitted, judged in block_folds(time, SYNERGY_FIT.block_count, SYNERGY_FIT.fold_gap_s)
         ]
     numbers = np.arange(1, min(most, len(muscles) - 1) + 1)
-    rows = []
+    edges = np.linspace(0, sum(len(judged) for _, judged in parts), SYNERGY_FIT.block_count + 1).astype(int)
+    rows, errors = [], []
     for number in numbers:
         own = [find_synergies(fitted, muscles, int(number), min_muscles=min_muscles) for fitted, _ in parts]
         truth = np.concatenate([judged for _, judged in parts])
@@ -184,6 +219,8 @@ def count_synergies(
             for fitted, _ in parts
         ]
         apart = [shift_envelopes_apart(judged) for _, judged in parts]
+        squares = ((truth - filled) ** 2 / truth.var(axis=0).mean()).mean(axis=1)
+        errors.append([float(squares[a:b].mean()) for a, b in pairwise(edges) if b > a])
         rows.append(
             (
                 float(np.mean([vaf(fitted, s.reconstruct(fitted)) for s, (fitted, _) in zip(own, parts, strict=True)])),
@@ -196,7 +233,7 @@ def count_synergies(
                 r_squared(truth, filled),
             )
         )
-    return SynergyCount(numbers, *np.array(rows).T)
+    return SynergyCount(numbers, *np.array(rows).T, np.array(errors).T)
 
 
 def similarity(one: Synergies, other: Synergies) -> tuple[float, np.ndarray]:
@@ -253,6 +290,15 @@ def solve_non_negative(a: np.ndarray, b: np.ndarray, ridge: float = 0.0) -> np.n
         if most < 1e-7:
             break
     return x
+
+
+def largest_envelopes(envelopes: np.ndarray) -> np.ndarray:
+    """Return what each muscle's envelope is divided by, (m,): its largest value; 1 of one that is 0 throughout.
+
+    A muscle that hardly works would otherwise hardly count.
+    """
+    top = np.max(envelopes, axis=0)
+    return np.where(top > 0.0, top, 1.0)
 
 
 def require_envelopes(
@@ -328,13 +374,7 @@ class FoundSynergies:
         return head, [(m, *(f"{w:.2f}" for w in row)) for m, row in zip(self.muscles, self.weights.T, strict=True)]
 
     def _fact(self) -> str:
-        at = int(np.flatnonzero(self.count.numbers == len(self))[0]) if len(self) in self.count.numbers else None
-        if at is None:
-            return f"{len(self)} synergies of {len(self.muscles)} muscles"
-        return (
-            f"{len(self)} synergies account for {100.0 * self.count.heldout[at]:.1f} % of the variance of held-out "
-            "samples"
-        )
+        return self.count.sentence(len(self))
 
     def __repr__(self) -> str:
         return f"{self._fact()}\n{text_table(*self._table())}"
@@ -356,14 +396,14 @@ def synergies(
     Parameters
     ----------
     envelopes : mapping of str to array_like, or array_like, shape (n, m)
-        Envelopes by muscle, each relative to the muscle's own maximum [1], at least two muscles.
+        Envelopes by muscle, at least two; each is divided by its own largest value, so that muscles count alike.
     fs : float
         Sampling rate [Hz].
     muscles : sequence of str, optional
         Names of the columns, where `envelopes` is an array.
     number : int, optional
-        Number of synergies; by default the smallest that accounts for 90 % of the variance of held-out samples,
-        and for 75 % of each muscle's.
+        Number of synergies; by default the smallest that predicts muscles left out of held-out samples as well as
+        any, within one standard error.
     heldout : mapping or array_like, optional
         Envelopes of the same muscles that choose the number; by default, cross-validation over blocks of `envelopes`.
 
@@ -392,8 +432,10 @@ def synergies(
     left_out = None if heldout is None else _envelope_table(heldout, names)[0]
     if len(names) < MIN_MUSCLES:
         raise IdentificationError(f"synergies: found {len(names)} muscles, expected at least {MIN_MUSCLES}")
+    top = largest_envelopes(require_envelopes(fitted, names, MIN_MUSCLES))
+    fitted, left_out = fitted / top, None if left_out is None else left_out / top
     counted = count_synergies(fitted, np.arange(len(fitted)) / fs, names, left_out, min_muscles=MIN_MUSCLES)
-    model = find_synergies(fitted, names, counted.enough if number is None else number, min_muscles=MIN_MUSCLES)
+    model = find_synergies(fitted, names, counted.best if number is None else number, min_muscles=MIN_MUSCLES)
     return FoundSynergies(model, counted, model.activations(fitted))
 
 

@@ -10,6 +10,8 @@ Each check looks for one cause by an effect on the signal that a muscle does not
 - **motion**: power below the muscle's band, from electrodes or cables that move;
 - **mvc_artefact**: single short peaks far above all else, which would be mistaken for the muscle's maximum;
 - **normalised_per_trial**: a relative envelope whose largest value is exactly 1, its own maximum;
+- **exchanged**: two channels that fit each other's place in another recording of the same electrodes, not their own;
+- **clock**: times with gaps;
 - **unit**: an amplitude that is impossible for EMG in the stated unit.
 """
 
@@ -25,6 +27,7 @@ from scipy import signal
 from ..._errors import PellucidError
 from ...numerics.arguments import with_checked_arguments
 from ...numerics.filters import runs
+from .exchanged import electrode_places, exchanged_pairs
 
 EMG_UNITS = {"V": 1.0, "mV": 1e-3, "µV": 1e-6, "uV": 1e-6, "1": 1.0, "%": 0.01, "": 1.0}
 """Units of EMG, with their size in V, or in maxima; "" if it is not known."""
@@ -81,6 +84,8 @@ class FindingThresholds:
     min_peak_ratio: float = 4.0  # A short peak over this quantile of magnitudes
     peak_quantile: float = 0.99
     beside_peak_s: float = 0.01  # Time on either side of a peak that is the artefact's, too
+    # No other sample reaches this share of it; where few motor units fire, their largest potentials do
+    max_share_of_peak: float = 0.5
     min_gap_steps: float = 1.5  # A step of a clock of more usual steps is a gap
     max_gap_share: float = 0.05  # With more of them the clock is uneven throughout
     max_rate_error: float = 0.01  # Share by which a clock's rate may differ from the stated one
@@ -136,6 +141,7 @@ CONSEQUENCES = {
     "saturation": "The envelope is too small where the muscle is strongest.",
     "normalised_per_trial": "Trials cannot be compared: normalise all of them by one maximal contraction.",
     "mvc_artefact": "The maximum of this recording is an artefact, and all envelopes scaled by it become too small.",
+    "exchanged": "Envelope, onset and torque are those of the other muscle: exchange the two names.",
     "clock": "Filters smooth over the gap, and times after it are wrong unless the gap is kept.",
     "unit": "Checks and default limits in volts do not apply: state the unit of the file.",
 }
@@ -144,7 +150,13 @@ CONSEQUENCES = {
 
 @with_checked_arguments
 def emg_quality(
-    emg: ArrayLike, *, rate: float, channels: Sequence[str] | None = None, unit: str = "V"
+    emg: ArrayLike,
+    *,
+    rate: float,
+    channels: Sequence[str] | None = None,
+    unit: str = "V",
+    time: ArrayLike | None = None,
+    reference: ArrayLike | None = None,
 ) -> tuple[EmgFinding, ...]:
     """Return what is wrong with EMG, channel by channel.
 
@@ -158,16 +170,21 @@ def emg_quality(
         Names of the channels; numbers from 0 by default.
     unit : {"V", "mV", "µV", "1", "%", ""}
         Unit of the values; "" if it is not known: sizes are then compared with the other channels alone.
+    time : array_like, shape (n,), optional
+        Times of the samples [s]. With them, lost samples and a clock of another rate are findings of the channel
+        ``"time"``.
+    reference : array_like, shape (k, channels), optional
+        Raw EMG of the same electrodes in another recording, at the same rate. With it, exchanged channels are findings.
 
     Returns
     -------
     tuple of EmgFinding
-        In the order of the channels; empty if nothing is wrong.
+        The clock's first, then in the order of the channels; empty if nothing is wrong.
 
     Raises
     ------
     PellucidError
-        If there are no samples, values are no numbers, or shape, rate, names or unit do not fit.
+        If there are no samples, values are no numbers, or shape, rate, names, unit, times or reference do not fit.
 
     Examples
     --------
@@ -183,9 +200,43 @@ def emg_quality(
     found: list[EmgFinding] = []
     typical = float(np.median([_rms(x) for x in values.T]))
     is_wrong_unit = unit not in (*RELATIVE_UNITS, "") and not _is_muscle_sized(typical * EMG_UNITS[unit])
+    if time is not None:
+        found += clock_findings("time", _checked_times(time, len(values)), rate)
+    swapped = {}
+    if reference is not None and unit not in RELATIVE_UNITS:
+        beside = _checked_emg(reference, rate, channels, unit)
+        if beside.shape[1] != values.shape[1]:
+            raise PellucidError(
+                f"emg_quality: found a reference of {beside.shape[1]} channels, expected {values.shape[1]} as in emg"
+            )
+        swapped = exchanged_findings(values, beside, rate, named)
     for name, x in zip(named, values.T, strict=True):
         found += _channel_findings(name, x, rate, unit, typical, is_wrong_unit)
+        found += swapped.get(name, [])
     return tuple(found)
+
+
+def exchanged_findings(
+    emg: np.ndarray, reference: np.ndarray, rate: float, named: Sequence[int | str], beside: str = "the reference"
+) -> dict[int | str, list[EmgFinding]]:
+    """Return which channels of raw EMG, (n, channels), are exchanged against a reference, by channel."""
+    found = {}
+    for i, j in exchanged_pairs(electrode_places(emg, rate), electrode_places(reference, rate)):
+        for own, other in ((i, j), (j, i)):
+            said = f"it shows what {named[other]} shows in {beside}, and {named[other]} what it shows there"
+            one = EmgFinding(named[own], "exchanged", 0.0, len(emg) / rate, 1.0, CONSEQUENCES["exchanged"], said)
+            found[named[own]] = [one]
+    return found
+
+
+def _checked_times(time: ArrayLike, n: int) -> np.ndarray:
+    try:
+        values = np.asarray(time, float)
+    except (TypeError, ValueError):
+        raise PellucidError("emg_quality: found times that are no numbers, expected seconds of shape (n,)") from None
+    if values.shape != (n,):
+        raise PellucidError(f"emg_quality: found times of shape {values.shape}, expected ({n},) as of the samples")
+    return values
 
 
 def _checked_emg(emg: ArrayLike, rate: float, channels: Sequence[str] | None, unit: str) -> np.ndarray:
@@ -252,7 +303,8 @@ def _channel_findings(
         there[part] = False
     if is_relative:
         top = float(np.max(x[there])) if there.any() else 0.0
-        if top == (1.0 if unit == "1" else 100.0):
+        one = 1.0 if unit == "1" else 100.0
+        if abs(top - one) <= max(_converter_step(x[there]), 1e-9 * one):
             found.append(whole("normalised_per_trial", top, "its largest value is exactly its own maximum"))
         return found
     rms = _rms(x[there])
@@ -286,6 +338,12 @@ def _channel_findings(
         found.append(whole("mains", hum, f"hum at {mains:g} Hz of {size_text(hum, unit)} RMS"))
     found += [*_slow_findings(name, filled, rate, unit, scale), *_peak_findings(name, filled, rate)]
     return found
+
+
+def _converter_step(x: np.ndarray) -> float:
+    """Return the step of the numbers with which samples, (n,), were stored: the least difference of two of them."""
+    steps = np.diff(np.unique(x))
+    return float(steps.min()) if len(steps) else 0.0
 
 
 def _is_envelope(x: np.ndarray, rate: float) -> bool:
@@ -432,7 +490,13 @@ def short_peaks(x: np.ndarray, rate: float) -> list[slice]:
         return []
     gap = FINDING_LIMITS.max_peak_s * rate
     groups = np.split(above, np.flatnonzero(np.diff(above) > gap) + 1)
-    return [] if any(g[-1] - g[0] > gap for g in groups) else [slice(int(g[0]), int(g[-1]) + 1) for g in groups]
+    if any(g[-1] - g[0] > gap for g in groups):
+        return []
+    peaks = [slice(int(g[0]), int(g[-1]) + 1) for g in groups]
+    others, beside = np.array(size), round(FINDING_LIMITS.max_peak_s * rate)
+    for part in peaks:
+        others[max(part.start - beside, 0) : part.stop + beside] = 0.0
+    return [part for part in peaks if others.max() < FINDING_LIMITS.max_share_of_peak * size[part].max()]
 
 
 def without_short_peaks(x: np.ndarray, rate: float) -> np.ndarray:

@@ -1,35 +1,78 @@
-"""EMG in a log of which no study tells anything: the checks of `emg_findings` on its columns."""
+"""EMG in logs of which no study tells anything: the checks of `emg_findings` on their columns."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...files.log import ALARM_LEVEL, Log, LogChannel, LogFinding
-from .emg_findings import EmgFinding, clock_findings, emg_quality
+from .emg_findings import RELATIVE_UNITS, EmgFinding, clock_findings, emg_quality, exchanged_findings
+from .exchanged import differing_recordings
 
 MIN_SECONDS = 1.0
 """Shortest stretch of EMG that is examined [s]."""
 
 
+@dataclass(frozen=True, eq=False)
+class _EmgColumns:
+    """Columns of EMG with one clock and one unit."""
+
+    names: tuple[str, ...]
+    samples: np.ndarray  # (n, channels)
+    rate: float  # Hz
+    unit: str
+    clock: LogChannel | None
+
+
 def emg_log_findings(log: Log) -> list[LogFinding]:
-    """Return what is wrong with the columns of EMG of a log whose clock is known."""
-    found = []
+    """Return what is wrong with the columns of EMG of a log whose clock or rate is known."""
+    found, clocks = [], set()
+    for own in _emg_columns(log):
+        if own.clock is not None and own.clock.name not in clocks:
+            clocks.add(own.clock.name)
+            nominal = log.nominal.get(own.clock.name, log.nominal.get(""))
+            found += [_finding(one, own.rate) for one in clock_findings(own.clock.name, own.clock.samples, nominal)]
+        named = emg_quality(own.samples, rate=own.rate, channels=own.names, unit=own.unit)
+        found += [_finding(one, own.rate) for one in named]
+    return found
+
+
+def exchanged_log_findings(logs: Sequence[Log]) -> list[list[LogFinding]]:
+    """Return, for each of several logs, which of its channels of EMG are exchanged against those of the same names.
+
+    A log is compared with the first one that has its channels; where most others differ from that one, it is the one
+    with exchanged channels.
+    """
+    found: list[list[LogFinding]] = [[] for _ in logs]
+    groups: dict[tuple[tuple[str, ...], int], list[tuple[int, _EmgColumns]]] = {}
+    for i, log in enumerate(logs):
+        for own in _emg_columns(log):
+            if own.unit not in RELATIVE_UNITS and len(own.names) > 1:
+                groups.setdefault((own.names, round(own.rate)), []).append((i, own))
+    for group in groups.values():
+        for at, beside in differing_recordings([own.samples for _, own in group], group[0][1].rate):
+            (i, own), (j, _) = group[at], group[beside]
+            by_channel = exchanged_findings(own.samples, group[beside][1].samples, own.rate, own.names, logs[j].file)
+            found[i] += [_finding(one, own.rate) for each in by_channel.values() for one in each]
+    return found
+
+
+def _emg_columns(log: Log) -> Iterator[_EmgColumns]:
+    """Yield the columns of EMG of a log that are long enough, those with one clock and one unit together."""
+    emg = [c for c in log.channels if c.quantity.kind == "emg"]
     clock = next((c for c in log.channels if c.name == log.time), None)
-    lengths = dict.fromkeys(len(c.samples) for c in log.channels if c.quantity.kind == "emg")
-    for length in lengths:
-        own = [c for c in log.channels if c.quantity.kind == "emg" and len(c.samples) == length]
+    for length in dict.fromkeys(len(c.samples) for c in emg):
         own_clock = _clock(log, clock, length)
         rate = (log.rate or 0.0) if own_clock is None else 1.0 / _step(own_clock)
         if rate * MIN_SECONDS > length or rate <= 0.0:
             continue
-        if own_clock is not None:
-            found += [_finding(one, rate) for one in clock_findings(own_clock.name, own_clock.samples)]
+        own = [c for c in emg if len(c.samples) == length]
         for unit in dict.fromkeys(_unit(c) for c in own):
             alike = [c for c in own if _unit(c) == unit]
             samples = np.column_stack([c.samples for c in alike])
-            for one in emg_quality(samples, rate=rate, channels=[c.name for c in alike], unit=unit):
-                found.append(_finding(one, rate))
-    return found
+            yield _EmgColumns(tuple(c.name for c in alike), samples, rate, unit, own_clock)
 
 
 def _clock(log: Log, clock: LogChannel | None, length: int) -> LogChannel | None:

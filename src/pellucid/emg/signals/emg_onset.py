@@ -35,7 +35,7 @@ Onsets of muscles from arrays of raw EMG.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 
@@ -47,7 +47,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from ..._errors import RecordingError
 from ...numerics.filters import runs
 from .emg_chain import settling_samples, with_surroundings
-from .emg_findings import EmgFinding, emg_quality
+from .emg_findings import EmgFinding, dropouts, emg_quality
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def activations(
     )  # fmt: skip
 
 
-DOUBTFUL_KINDS = ("motion", "heartbeat", "mvc_artefact", "dropout", "saturation")
+DOUBTFUL_KINDS = ("motion", "heartbeat", "mvc_artefact", "dropout", "saturation", "mains")
 """Kinds of findings that move onsets, or make bursts that are none."""
 
 
@@ -215,7 +215,7 @@ def _energy(
     passed = _both_ways(band, raw, "odd")
     energy = np.maximum(_both_ways(smoothing, np.abs(teager_kaiser(passed)), "even"), 0.0)[own]
     passed, samples = passed[own], samples[inside]
-    still = _stretch(time, rest) if rest is not None else _quietest(energy, fs)
+    still = _stretch(time, rest) if rest is not None else _quietest(energy, fs, dropouts(samples, fs))
     rest_rms = float(np.sqrt(np.mean(passed[still] ** 2)))
     spread = float(np.std(energy[still]))
     passes = float(np.mean(energy[still])) + height * spread
@@ -268,11 +268,19 @@ def _stretch(time: np.ndarray, rest: tuple[float, float]) -> slice:
     return slice(int(first), int(last))
 
 
-def _quietest(energy: np.ndarray, fs: float) -> slice:
-    """Where the largest energy within `ONSET_SEARCH.rest_s` is least: a mean would forgive a twitch."""
+def _quietest(energy: np.ndarray, fs: float, gone: Sequence[slice] = ()) -> slice:
+    """Where the largest energy within `ONSET_SEARCH.rest_s` is least: a mean would forgive a twitch.
+
+    Dropouts, where samples are `gone`, are no rest of a muscle, unless nothing else is long enough.
+    """
     from scipy.ndimage import maximum_filter1d
 
     n = round(ONSET_SEARCH.rest_s * fs)
+    known = energy.copy()
+    for part in gone:
+        known[part] = np.inf
+    if np.isfinite(maximum_filter1d(known, n)[n // 2 : len(known) - n + n // 2 + 1]).any():
+        energy = known
     most = maximum_filter1d(energy, n)[n // 2 : len(energy) - n + n // 2 + 1]
     first = int(np.argmin(most))
     return slice(first, first + n)

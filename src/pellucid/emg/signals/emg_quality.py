@@ -6,27 +6,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
 
 from ...files.fault import Fault
 from ...files.recording import Recording
-from .emg_findings import EmgFinding, emg_quality
+from .emg_findings import EmgFinding, emg_quality, mains_rms
 
 
 @dataclass(frozen=True)
 class QualityThresholds:
     """Thresholds beyond which an EMG recording has a fault."""
 
-    mains_hz: tuple[float, float] = (50.0, 60.0)  # Frequencies of the mains in the world
     mains_search_s: float = 4.0  # Seconds of a recording that tell 50 from 60 Hz
-    # Hum is found where one frequency of the mains has this many times the other's share of the power. EMG without hum
-    # has much the same share of both. Chosen by judgement.
-    min_hum_ratio: float = 2.0
     # Share of the power above which the mains is all there is: an electrode is an antenna then
     max_mains_share: float = 0.8
     # An attached electrode has less mains hum than this (RMS). At rest even little hum is most of the power.
     max_attached_mains_v: float = 20e-6
-    min_reported_mains_v: float = 5e-6  # Mains hum with a smaller RMS is not reported, whatever its share of the power
     min_work_contrast: float = 2.0  # A muscle is at work if its envelope exceeds that of rest by this factor
     max_envelope: float = 1.2  # Relative envelope above which the maximal contraction was none
     # Relative envelope below which a whole recording stays where the maximum was an artefact's
@@ -39,28 +33,17 @@ class QualityThresholds:
 EMG_LIMITS = QualityThresholds()
 
 
-def find_mains(recording: Recording) -> float:
-    """Return the frequency of the mains [Hz] that a recording's raw EMG shows more of, with its harmonics."""
-    shares = _hum_shares([recording])
-    return max(EMG_LIMITS.mains_hz, key=lambda f: shares[f])
-
-
 def find_hum(recordings: Sequence[Recording]) -> float | None:
     """Return the frequency of the mains [Hz] whose hum the raw EMG of some recordings has; None without clear hum."""
-    shares = _hum_shares(recordings)
-    most, least = max(EMG_LIMITS.mains_hz, key=lambda f: shares[f]), min(shares.values())
-    return most if shares[most] > EMG_LIMITS.min_hum_ratio * least else None
-
-
-def _hum_shares(recordings: Sequence[Recording]) -> dict[float, float]:
-    """Return the largest share of the power that any channel of raw EMG has at each frequency of the mains."""
-    found = dict.fromkeys(EMG_LIMITS.mains_hz, 0.0)
+    shares: dict[float, float] = {}
     for recording in recordings:
         part = slice(0, round(EMG_LIMITS.mains_search_s * recording.fs))
         raw = [c.samples[part] for n, c in recording.channels.items() if n.startswith("emg.") and c.unit == "V"]
-        for x in (x for x in raw if np.isfinite(x).all()):
-            found = {f: max(share, hum_share(x, recording.fs, f)) for f, share in found.items()}
-    return found
+        for x in (x for x in raw if np.isfinite(x).all() and np.std(x) > 0.0):
+            mains, hum = mains_rms(x, recording.fs)
+            shares[mains] = max(shares.get(mains, 0.0), (hum / float(np.std(x))) ** 2)
+    most = max(shares, key=lambda f: shares[f], default=None)
+    return most if most is not None and shares[most] > 0.0 else None
 
 
 def inspect_emg(recording: Recording, *, notches: Sequence[float] | None = None) -> list[Fault]:
@@ -68,11 +51,8 @@ def inspect_emg(recording: Recording, *, notches: Sequence[float] | None = None)
 
     `notches` [Hz] are the frequencies that the study's chain removes; None if study.toml cannot set a notch.
     """
-    mains = find_mains(recording)
     faults: list[Fault] = []
-    raw = {n: c.samples for n, c in recording.channels.items()
-           if n.startswith("emg.") and c.unit == "V" and np.isfinite(c.samples).all()}  # fmt: skip
-    findings = emg_quality(np.column_stack([*raw.values()]), rate=recording.fs, channels=list(raw)) if raw else ()
+    findings = _findings_within(recording)
     for name, channel in recording.channels.items():
         if not name.startswith("emg."):
             continue
@@ -81,12 +61,27 @@ def inspect_emg(recording: Recording, *, notches: Sequence[float] | None = None)
         if missing.size:
             found = f"{missing.size} missing samples (NaN), the first at index {missing[0]}"
             faults.append(_fault("refuse", "missing_samples", recording, name, found, "a number in every sample"))
-        elif channel.unit == "V":
-            own = [one for one in findings if one.channel == name]
-            faults += _raw_faults(recording, name, x, mains, notches, own)
-        else:
-            faults += _relative_faults(recording, name, x)
+        own = [one for one in findings if one.channel == name and not (missing.size and one.kind == "dropout")]
+        if channel.unit == "V":
+            faults += _raw_faults(recording, name, x, notches, own)
+        elif not missing.size:
+            faults += [*_relative_faults(recording, name, x), *_raw_faults(recording, name, x, notches, own)]
     return sorted(faults, key=lambda fault: fault.severity != "refuse")
+
+
+def _findings_within(recording: Recording) -> list[EmgFinding]:
+    """Return the findings of the whole file that lie in a recording, which may be a part of the file."""
+    whole = recording.uncut or recording
+    first = float(recording.time[0] - whole.time[0])
+    last = float(recording.time[-1] - whole.time[0])
+    found: list[EmgFinding] = []
+    for unit in ("V", "1"):
+        emg = {n: c for n, c in whole.channels.items() if n.startswith("emg.")}
+        own = {n: c.samples for n, c in emg.items() if (c.unit == "V") == (unit == "V")}
+        if own and len(whole) > 1:
+            samples = np.column_stack([*own.values()])
+            found += emg_quality(samples, rate=whole.fs, channels=list(own), unit=unit)
+    return [one for one in found if one.end > first and one.start <= last]
 
 
 def contrast_faults(recording: Recording, envelopes: Mapping[str, np.ndarray]) -> list[Fault]:
@@ -151,6 +146,8 @@ FINDING_FAULTS = {
     "unit": ("warn", "unit", "an amplitude possible for EMG"),
     "saturation": ("refuse", "clipped", "EMG within the range of the amplifier"),
     "dropout": ("warn", "dropout", "a signal that changes from sample to sample"),
+    "exchanged": ("warn", "exchanged", "the same electrodes as in the other recordings"),
+    "normalised_per_trial": ("note", "normalised_per_trial", "one maximum for all recordings of a participant"),
     "heartbeat": ("note", "heartbeat", "EMG without an electrocardiogram"),
     "motion": ("note", "motion", "little power below the frequency band of EMG"),
     "mvc_artefact": ("note", "mvc_artefact", "peaks of a size possible for a muscle"),
@@ -159,40 +156,28 @@ FINDING_FAULTS = {
 
 
 def _raw_faults(
-    recording: Recording, name: str, x: np.ndarray, mains: float, notches: Sequence[float] | None,
-    findings: Sequence[EmgFinding],
-) -> list[Fault]:  # fmt: skip
+    recording: Recording, name: str, x: np.ndarray, notches: Sequence[float] | None, findings: Sequence[EmgFinding]
+) -> list[Fault]:
     faults = []
     for one in findings:
         if one.kind == "mains":
-            share = hum_share(x - x.mean(), recording.fs, mains)
-            hum = np.sqrt(share) * float(np.std(x))
-            if share > EMG_LIMITS.max_mains_share and hum > EMG_LIMITS.max_attached_mains_v:
-                found = f"{100.0 * share:.3g} % of the power at the mains frequency of {mains:g} Hz"
-                expected = "EMG; the electrode is probably detached"
-                faults.append(_fault("refuse", "detached_electrode", recording, name, found, expected))
-            elif hum > EMG_LIMITS.min_reported_mains_v and mains not in (notches or ()):
-                notch = f'set mains = "{mains:g} Hz" in study.toml to remove it'
-                remedy = "check electrodes and cables" if notches is None else notch
-                found = f"{100.0 * share:.3g} % of the power at the mains frequency of {mains:g} Hz"
-                faults.append(_fault("note", "mains_hum", recording, name, found, f"less hum; {remedy}"))
+            share = min((one.size / float(np.nanstd(x))) ** 2, 1.0)
+            if share > EMG_LIMITS.max_mains_share and one.size > EMG_LIMITS.max_attached_mains_v:
+                found = f"{one.found}, {100.0 * share:.3g} % of the power"
+                faults.append(_fault("refuse", "detached_electrode", recording, name, found, "EMG; the electrode is probably detached"))
+                continue
+            mains = mains_rms(np.where(np.isfinite(x), x, 0.0), recording.fs)[0]
+            remedy = f'set mains = "{mains:g} Hz" in study.toml to remove it'
+            if notches is None:
+                remedy = "check electrodes and cables"
+            elif mains in notches:
+                remedy = "the notch of the filter chain removes it"
+            faults.append(_fault("note", "mains_hum", recording, name, one.found, f"less hum; {remedy}"))
         elif one.kind in FINDING_FAULTS:
             severity, kind, expected = FINDING_FAULTS[one.kind]
             found = f"{one.found} ({one.start:.2f} to {one.end:.2f} s)"
             faults.append(_fault(severity, kind, recording, name, found, expected))
     return faults
-
-
-def hum_share(samples: np.ndarray, fs: float, mains: float = 50.0) -> float:
-    """Share of the power above 10 Hz that lies within 1 Hz of the mains and its next four harmonics. `samples` (n,)
-    [V]; `fs`, `mains` [Hz]."""
-    if len(samples) < fs or fs <= 2.0 * (mains + 1.0):
-        return 0.0
-    frequency, power = signal.welch(samples, fs, nperseg=min(len(samples), round(2.0 * fs)), detrend="linear")
-    harmonics = mains * np.arange(1, 6)
-    near = np.min(np.abs(frequency[:, None] - harmonics), axis=1) <= 1.0
-    total = power[frequency >= 10.0].sum()
-    return float(power[near].sum() / total) if total > 0.0 else 0.0
 
 
 def _relative_faults(recording: Recording, name: str, x: np.ndarray) -> list[Fault]:

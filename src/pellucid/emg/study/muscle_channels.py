@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -16,8 +17,9 @@ from ...files.recording import MAXIMAL_PROTOCOL, Recording
 from ...models.estimates import Verdict
 from ...study.study import Study
 from ..signals.emg_chain import EmgChain, emg_chain
-from ..signals.emg_findings import without_short_peaks
-from ..signals.emg_quality import channel_fault, find_hum, inspect_emg
+from ..signals.emg_findings import exchanged_findings, without_short_peaks
+from ..signals.emg_quality import FINDING_FAULTS, channel_fault, find_hum, inspect_emg
+from ..signals.exchanged import differing_recordings
 from .emg_torque.emg_torque_table import EmgTorqueTable
 from .muscle_tables import EnvelopeTable, MuscleTable
 
@@ -147,7 +149,7 @@ def emg_faults(study: Study, table: MuscleTable) -> list[Fault]:
         only = replace(stream, channels={n: c for n, c in stream.channels.items() if n in wanted})
         found += inspect_emg(only, notches=notches)
         streams.append(only)
-    return found + per_trial_faults(streams)
+    return found + session_faults(streams)
 
 
 def envelope_faults(
@@ -249,6 +251,33 @@ def sound_stream(stream: Recording) -> Recording | None:
     if all(made.channels[name].samples is c.samples for name, c in stream.channels.items()):
         return None
     return replace(made, uncut=sound(stream.uncut)) if stream.uncut is not None else made
+
+
+def session_faults(streams: Sequence[Recording]) -> list[Fault]:
+    """Return what recordings of a study show only together: trials with own maxima, and exchanged channels."""
+    return per_trial_faults(streams) + exchanged_faults(streams)
+
+
+def exchanged_faults(streams: Sequence[Recording]) -> list[Fault]:
+    """Return faults of channels that are exchanged against another recording of the same participant."""
+    groups: dict[tuple[object, ...], dict[Path, tuple[Recording, tuple[str, ...], np.ndarray]]] = {}
+    for stream in streams:
+        whole = stream.uncut or stream
+        names = tuple(n for n, c in whole.channels.items() if n.startswith("emg.") and c.unit == "V")
+        if len(names) > 1 and stream.path not in groups.get(key := (stream.participant, names, round(stream.fs)), {}):
+            samples = np.column_stack([whole[n] for n in names])
+            groups.setdefault(key, {})[stream.path] = (stream, names, samples)
+    found = []
+    for group in groups.values():
+        own = list(group.values())
+        for at, beside in differing_recordings([samples for _, _, samples in own], own[0][0].fs):
+            (stream, names, samples), (other, _, reference) = own[at], own[beside]
+            by_channel = exchanged_findings(samples, reference, stream.fs, names, other.path.name)
+            severity, kind, expected = FINDING_FAULTS["exchanged"]
+            for name, (one,) in by_channel.items():
+                where = stream.path.name, stream.name, str(name)
+                found.append(channel_fault(severity, kind, *where, one.found, expected))
+    return found
 
 
 def per_trial_faults(streams: Sequence[Recording]) -> list[Fault]:

@@ -39,6 +39,9 @@ _UNIT_KEYS = frozenset({
 })  # fmt: skip
 """First words, folded, of rows with a unit for each channel."""
 
+_RANGE_KEYS = frozenset({"range", "ranges", "inputrange"})
+"""First words, folded, of rows with the end of each channel's range, whose unit is the channel's."""
+
 _PERIOD_KEYS = frozenset({"sampletime", "samplingtime", "samplingperiod", "sampleperiod", "deltax", "interval"})
 """First words, folded, of rows with the time between samples for each channel."""
 
@@ -101,10 +104,13 @@ def find_header(
         or _keyed_rows(above, body, width)
         or _stacked_rows(above, body, width, is_last_empty=is_last_empty)
     )
-    listed = _listed_channels(lines, width)
+    if header is not None and header.units is None:
+        header = _with_keyed_units(header, above)
+    wide = width - is_last_empty
+    listed = _listed_channels(lines, wide) or _listed_channels(lines, width)
     if listed is not None and (header is None or header.names is None or _are_placeholders(header.names)):
         # A row of CH1, CH2, ... under a list of channels only numbers them.
-        header = _with_listed(header, listed, width)
+        header = _with_listed(header, listed, wide if len(listed[0]) <= wide else width, width)
     return header
 
 
@@ -183,6 +189,9 @@ def _keyed_rows(above: Sequence[list[str]], body: Sequence[list[str]], width: in
         elif key in _UNIT_KEYS and is_over_all and units is None and any(unit_from_text(text) for text in values):
             units = (values if count == width else ["", *values]) + [""] * max(0, width - 1 - count)
             used.add(i)
+        elif key in _RANGE_KEYS and is_over_all and units is None and (stated := _units_of_ranges(values)):
+            units = stated if count == width else ["", *stated]
+            used.add(i)
         elif (
             names is not None
             and count == width - 1
@@ -194,6 +203,30 @@ def _keyed_rows(above: Sequence[list[str]], body: Sequence[list[str]], width: in
     if names is None or not (has_mark or units is not None) or not _has_numbers_first(body):
         return None
     return TableHeader([names[0] or first, *names[1:width]], units[:width] if units else None, frozenset(used))
+
+
+def _units_of_ranges(values: Sequence[str]) -> list[str] | None:
+    """Return the unit of each range, such as ``10.000 mV``; None unless each has a unit that is known."""
+    matches = [re.fullmatch(r"\s*[±+-]?[\d.,]+(?:[eE][-+]?\d+)?\s*(\S{1,12})\s*", text[:60]) for text in values]
+    units = [match[1] for match in matches if match is not None and unit_from_text(match[1]) is not None]
+    return units if values and len(units) == len(values) else None
+
+
+def _with_keyed_units(header: TableHeader, above: Sequence[list[str]]) -> TableHeader:
+    """Return a header with the units that a row such as ``UNITS`` states of the channels in a row of names above it.
+
+    The table has more columns than those rows have channels, such as a number and a time before them.
+    """
+    rows = {folded_key(fields[0]): (i, [f for f in fields[1:] if f]) for i, fields in enumerate(above) if fields}
+    named = next((rows[key] for key in rows if key in _NAME_KEYS), None)
+    stated = next((rows[key] for key in rows if key in _UNIT_KEYS), None)
+    if header.names is None or named is None or stated is None or len(named[1]) != len(stated[1]):
+        return header
+    count = len(named[1])
+    if not count or header.names[-count:] != named[1] or not any(unit_from_text(text) for text in stated[1]):
+        return header
+    units = [""] * (len(header.names) - count) + stated[1]
+    return TableHeader(header.names, units, header.used | {named[0], stated[0]}, header.paired, header.facts)
 
 
 def _has_numbers_first(body: Sequence[list[str]]) -> bool:
@@ -273,6 +306,9 @@ def _groups(fields: list[str], names: list[str], width: int, *, repeated: bool) 
     filled = [i for i, cell in enumerate(cells) if cell]
     if not filled or width < 2 or any(_is_number(cells[i]) and repeated is False for i in filled):
         return None
+    key = folded_key(cells[0])
+    if len(filled) > 2 and key in _NAME_KEYS | _UNIT_KEYS and key != folded_key(names[0]):
+        return None  # a row of names or units of the channels alone
     if len(filled) == width:
         # A name over each column is a group only if the names below need one.
         return cells if repeated and len(set(cells)) < width else None
@@ -355,18 +391,26 @@ def split_unit_text(text: str) -> tuple[str, str]:
 
 def _are_placeholders(names: Sequence[str]) -> bool:
     """Whether names only number the columns, all but the first one, which is the time's."""
-    return len(names) > 1 and all(_PLACEHOLDER.fullmatch(name) for name in names[1:])
+    own = list(names)
+    while own and not own[-1]:
+        own.pop()  # a surplus delimiter
+    return len(own) > 1 and all(_PLACEHOLDER.fullmatch(name) for name in own[1:])
 
 
-def _with_listed(header: TableHeader | None, listed: tuple[list[tuple[str, str]], set[int]], width: int) -> TableHeader:
-    """Return a header with the names and units of listed channels; one more column comes first, the time's."""
+def _with_listed(
+    header: TableHeader | None, listed: tuple[list[tuple[str, str]], set[int]], wide: int, width: int
+) -> TableHeader:
+    """Return a header with the names and units of listed channels; one more column comes first, the time's.
+
+    `wide` is the number of columns, and `width` that of the fields, of which a last one may be empty.
+    """
     channels, used = listed
-    spare = width - len(channels)
+    spare = wide - len(channels)
     own = header.names[:spare] if header is not None and header.names is not None else [""] * spare
     kept = header.used if header is not None else frozenset()
     return TableHeader(
-        [*own, *(name for name, _ in channels)],
-        [*[""] * spare, *(unit for _, unit in channels)],
+        [*own, *(name for name, _ in channels), *[""] * (width - wide)],
+        [*[""] * spare, *(unit for _, unit in channels), *[""] * (width - wide)],
         kept | frozenset(used),
     )
 

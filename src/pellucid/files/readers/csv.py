@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, zip_longest
 from pathlib import Path
@@ -51,7 +52,7 @@ from ._number_blocks import (
     text_of,
 )
 from ._row_streams import MAX_LABELS, ListCell, Words, parse_list, split_streams
-from ._table_header import INDEX_NAME, TableHeader, find_header, stated_rate
+from ._table_header import INDEX_NAME, TableHeader, find_header, folded_key, stated_rate
 from ._wall_clock import is_stamp, stamp_seconds
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc")
@@ -70,6 +71,12 @@ MAX_SAMPLED_ROWS = 200
 
 LABELLED_SAMPLE_BYTES = 65_536
 """So much of a file tells whether its rows repeat labels."""
+
+COMMON_UNIT_KEYS = frozenset({"measureunit", "measurementunit", "unitofmeasure", "unitofmeasurement", "signalunit"})
+"""Keys, folded, of the line that states one unit of all signals."""
+
+COLUMN_KEYS = ("column", "columns", "columnnames", "channels", "channelnames", "labels", "names")
+"""Keys, folded, under which a description in JSON lists a name for each column."""
 
 MIN_TABLE_LINES = 3
 """Fewest lines of such a table, with its header."""
@@ -236,6 +243,8 @@ def read_table(
     if words or lists or len(values) > 2:
         values, units = split_streams(path, values, units, words, lists)
     values, units = _with_named_time(values, units, facts)
+    if not any(unit_from_text(text) for name, text in units.items() if name != next(iter(values), None)):
+        units = _with_common_unit(values, units, facts)
     return Columns(path, values, units=units, facts=facts, personal=tuple(personal), damaged=lost.text)
 
 
@@ -314,6 +323,24 @@ def _without_count_row(
     return values, units
 
 
+def _with_common_unit(
+    values: Mapping[str, np.ndarray | str], units: dict[str | int, str], facts: Mapping[str, str]
+) -> dict[str | int, str]:
+    """Return units with the one that a line above the table states of all its signals, as BTS's ``Measure unit: V``.
+
+    Numbers of rows and times have no such unit.
+    """
+    stated = next((unit_from_text(text) for key, text in facts.items() if folded_key(key) in COMMON_UNIT_KEYS), None)
+    if stated is None:
+        return units
+    common: dict[str | int, str] = {
+        name: stated
+        for name, x in values.items()
+        if not isinstance(x, str) and name not in units and not (len(x) > 2 and np.all(np.diff(x) > 0.0))
+    }
+    return {**units, **common}
+
+
 def _with_named_time(
     values: dict[str, np.ndarray | str], units: dict[str | int, str], facts: dict[str, str]
 ) -> tuple[dict[str, np.ndarray | str], dict[str | int, str]]:
@@ -381,7 +408,7 @@ def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> 
         unit_texts=header.units,
         above=[*comments, *above],
         paired=header.paired,
-        facts=stated_rate([*comments, *above]),
+        facts=stated_rate([*comments, *above]) | _impersonal(header.facts),
     )
 
 
@@ -580,6 +607,11 @@ def _facts(lines: list[str], names: list[str]) -> dict[str, str]:
     return facts
 
 
+def _impersonal(facts: Mapping[str, str]) -> dict[str, str]:
+    """Return facts without those that tell who was recorded."""
+    return {key: text for key, text in facts.items() if not find_personal_lines([f"{key}: {text}"])}
+
+
 def lost_end(path: Path) -> str:
     """Return the incomplete row at the end of a file whose writer was killed; "" for a whole file."""
     cut = cut_row(path)
@@ -700,6 +732,8 @@ def _header(
     has_names = above and not (delimiter is not None and all(delimiter not in line for _, line in above))
     if has_names and not _is_prose(above, split, width):
         return TableHeader(split[0], None, frozenset({0}))
+    if (described := _described_columns(comments, width)) is not None:
+        return described
     if has_names or not above:
         for line in reversed(comments):
             bare = line.lstrip().lstrip("#%!/ ")
@@ -709,6 +743,32 @@ def _header(
                     comments.remove(line)
                     return TableHeader(fields)
     return TableHeader()
+
+
+def _described_columns(comments: list[str], width: int) -> TableHeader | None:
+    """Return the header that a comment in JSON states, as OpenSignals writes it; None without one.
+
+    It lists a name for each column, units for the last ones, and settings such as the sampling rate.
+    """
+    for line in comments:
+        bare = line.lstrip().lstrip("#%!/ ")
+        if not bare.startswith("{"):
+            continue
+        try:
+            said = json.loads(bare)
+        except ValueError:
+            continue
+        while len(said) == 1 and isinstance(inner := next(iter(said.values())), dict):
+            said = inner
+        lists = {folded_key(key): [str(x) for x in value] for key, value in said.items() if isinstance(value, list)}
+        names = next((value for key, value in lists.items() if key in COLUMN_KEYS and len(value) == width), None)
+        if names is None:
+            continue
+        units = next((value for key, value in lists.items() if key in ("unit", "units") and len(value) <= width), None)
+        facts = {key: str(value) for key, value in said.items() if isinstance(value, (int, float, str))}
+        comments.remove(line)
+        return TableHeader(names, units and [""] * (width - len(units)) + units, facts=facts)
+    return None
 
 
 def _is_phrase(field: str) -> bool:

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError
+from ..file_facts import MUSCLE_FACT
+from ._bids import read_channel_rows
 from ._columns import Columns
 
 ENDINGS = (".edf", ".bdf")
@@ -43,7 +45,16 @@ def read(path: Path) -> Columns:
         into[name] = samples
         if signal.physical_dimension.strip():
             units[name] = signal.physical_dimension.strip()
-    return Columns(path, into, units=units)
+    return Columns(path, into, units=units, facts=_muscle_facts(path))
+
+
+def _muscle_facts(path: Path) -> dict[str, str]:
+    """Return the muscle of each channel that a BIDS data set states beside a recording, as facts of the channels."""
+    if not path.stem.endswith("_emg"):
+        return {}
+    rows = read_channel_rows(path)
+    muscles = {row["name"]: row.get("target_muscle") or "n/a" for row in rows}
+    return {f"{name}.{MUSCLE_FACT}": muscle for name, muscle in muscles.items() if muscle != "n/a"}
 
 
 def _load(path: Path) -> Any:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError
+from ..file_facts import NOMINAL_RATE_FACT
 from ..stated_units import unit_from_text
 from ._columns import Columns
 from ._even_stamps import smoothed_stamps
@@ -69,7 +70,7 @@ def read(path: Path) -> Columns:
     for stream in joined:
         into[f"{stream.name}.time"] = stream.stamps - start
         if stream.rate > 0.0:
-            facts[f"{stream.name}.nominal_srate"] = f"{stream.rate:.12g}"
+            facts[f"{stream.name}.{NOMINAL_RATE_FACT}"] = f"{stream.rate:.12g}"
         for i, (label, unit) in enumerate(zip(stream.labels, stream.units, strict=True)):
             name = f"{stream.name}.{label}"
             if stream.series is None:

@@ -10,10 +10,12 @@ from itertools import combinations
 import numpy as np
 
 from ...files.defects.magnitude import find_implausible
+from ...files.file_facts import MUSCLE_FACT
 from ...files.name_evidence import (
     JOINT_WORDS,
     QUANTITY_WORDS,
     NameEvidence,
+    emg_muscle,
     quantity_of_part,
     quantity_of_unit,
     read_name,
@@ -422,6 +424,12 @@ class _Assignment:
             elif said and (name in envelopes or file_says or evidence.muscle):
                 kind = "an envelope: slow and never negative" if is_envelope(x, rate) else "by its name"
                 self._set(name, "emg", f"EMG, {kind}", evidence, True)
+        units = [self._stated(name) for name, role in self.roles.items() if role.quantity == "emg"]
+        for name in self._free():
+            evidence = self.names[name]
+            is_alike = len(units) > 1 and self._stated(name) is not None and self._stated(name) in units
+            if is_alike and evidence.quantity in (None, "voltage", "emg") and emg_muscle(name):
+                self._set(name, "emg", "EMG, by its name beside others of its unit", evidence, False)
 
     def _find_inertial_sensors(self) -> None:
         rate = self.rate or 1.0
@@ -1212,7 +1220,11 @@ class _Assignment:
 
     def _set(self, name: str, quantity: str, why: str, evidence: NameEvidence, certain: bool) -> None:
         label = ""
-        if quantity == "emg" or quantity in ("length", "lengthening"):
+        if quantity == "emg":
+            stated = self.hints.facts.get(f"{name}.{MUSCLE_FACT}", "")
+            label = (emg_muscle(stated) or _plain_label(stated)) if stated else ""
+            label = label or evidence.muscle or emg_muscle(name) or _plain_label(evidence.bare)
+        elif quantity in ("length", "lengthening"):
             label = evidence.muscle or _plain_label(evidence.bare)
         elif quantity == "moment_arm":
             label = f"{evidence.joint or self.hints.joint or 'joint'}.{evidence.muscle or _plain_label(evidence.bare)}"

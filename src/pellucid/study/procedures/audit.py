@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..._domains import offered
@@ -266,7 +266,18 @@ def audit(
     on_progress("writing the page", READING_SHARE)
     if all(file.unread for file in audited):
         raise RecordingError("\n".join(file.unread for file in audited))
+    audited = _with_findings_of_all(audited)
     return Audit(tuple(audited), tuple(_verdicts(audited)), tuple(map(str, paths)))
+
+
+def _with_findings_of_all(files: Sequence[AuditedFile]) -> list[AuditedFile]:
+    """Return files with what their logs show only together, such as channels that are exchanged in one of them."""
+    made = list(files)
+    read = [i for i, file in enumerate(made) if file.log is not None]
+    for check in offered("LOGS_CHECKS") if len(read) > 1 else ():
+        for i, more in zip(read, check([made[i].log for i in read]), strict=True):
+            made[i] = replace(made[i], findings=(*made[i].findings, *more))
+    return made
 
 
 def _log_findings(log: Log) -> tuple[LogFinding, ...]:

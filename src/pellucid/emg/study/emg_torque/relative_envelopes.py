@@ -16,7 +16,7 @@ from ....study.study import Study
 from ...signals.emg_chain import EmgChain
 from ...signals.emg_findings import without_short_peaks
 from ...signals.emg_quality import EMG_LIMITS, channel_fault, contrast_faults, inspect_emg, swapped_faults
-from ..muscle_channels import notch_frequencies, per_trial_faults, study_chain
+from ..muscle_channels import notch_frequencies, session_faults, study_chain
 from .emg_torque_table import EmgTorqueTable
 from .study_muscles import find_used_muscles, ignored_channels
 
@@ -51,7 +51,7 @@ def emg_faults(study: Study) -> list[Fault]:
                 rates[stream.path.name, recording.name] = _mean_rate(stream)
             if chain is not None:
                 found += _envelope_faults(recording, stream, chain)
-    found += per_trial_faults([recording.stream_or_self(asked.emg) for recording in study.recordings()])
+    found += session_faults([recording.stream_or_self(asked.emg) for recording in study.recordings()])
     ignored, usual = ignored_channels(study), float(np.median(list(rates.values()))) if rates else 0.0
     found += [
         channel_fault(

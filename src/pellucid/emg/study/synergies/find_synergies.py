@@ -23,6 +23,7 @@ from ...estimators.synergies import (
     chance_similarity,
     count_synergies,
     find_synergies,
+    largest_envelopes,
     require_envelopes,
     similarity,
     vaf,
@@ -104,7 +105,7 @@ def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
         if heldout:
             counts[name] = count_synergies(*known, np.concatenate([each.matrix for each in heldout]), table.most)
     # Groups are compared synergy by synergy. All therefore have the median of the groups' numbers.
-    usual = table.number or int(np.median([count.enough for count in chosen.values()]))
+    usual = table.number or int(np.median([count.best for count in chosen.values()]))
     groups = []
     for name, (fitted, heldout) in parts.items():
         found = find_synergies(np.concatenate([each.matrix for each in fitted]), muscles, usual)
@@ -122,7 +123,7 @@ def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
         study=study.name,
         headline=_headline(groups, alike),
         tables=(*_tables(groups), *_similarity_table(alike)),
-        verdicts=tuple(_verdicts(groups, table.number)),
+        verdicts=tuple(_verdicts(groups)),
         rows=tuple(_rows(study.name, groups, alike, checksum)),
         cards={},
         checksums={each.name: each.checksum for members in grouped.values() for each in members},
@@ -171,8 +172,8 @@ def divide_by_own_maximum(recordings: list[MuscleEnvelopes]) -> list[MuscleEnvel
     for person in dict.fromkeys(each.participant for each in recordings):
         own = [each for each in recordings if each.participant == person]
         for each in [each for each in own if not each.heldout] or own:
-            for muscle, x in each.envelopes.items():
-                top[person, muscle] = max(top.get((person, muscle), 0.0), float(x.max()))
+            for muscle, largest in zip(each.envelopes, largest_envelopes(each.matrix), strict=True):
+                top[person, muscle] = max(top.get((person, muscle), 0.0), float(largest))
     return [
         replace(
             each, envelopes={m: x / (top.get((each.participant, m), 0.0) or 1.0) for m, x in each.envelopes.items()}
@@ -219,15 +220,17 @@ def _compare_groups(one: GroupSynergies, other: GroupSynergies, parts: dict) -> 
 def _headline(groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...]) -> str:
     """Return the headline: number of synergies, held-out variance, and similarity of groups."""
     count, number = groups[0].count, len(groups[0].synergies)
+    if len(groups) == 1:
+        return f"{replace(count, errors=groups[0].within.errors).sentence(number)}."
     several = "y accounts" if number == 1 else "ies account"
     where = list(count.numbers).index(number) if number in count.numbers else -1
-    count_text = f"{number} synerg{several} for {100 * count.heldout[where]:.0f} % of the held-out variance"
-    if len(groups) == 1:
-        return count_text + "."
     least = min(100 * g.count.heldout[where] for g in groups)
     above = sum(each.cosine > each.chance for each in alike)
+    own = [g.within.best for g in groups]
+    often = f"{min(own)}" if min(own) == max(own) else f"{min(own)} to {max(own)}"
     return (
-        f"{number} synerg{several} for at least {least:.0f} % of the held-out variance in {len(groups)} groups; "
+        f"{number} synerg{several} for at least {least:.0f} % of the held-out variance in {len(groups)} groups "
+        f"({often} by bi-cross-validation); "
         f"{above} of {len(alike)} pairs of groups are more similar than expected by chance."
     )
 
@@ -253,8 +256,8 @@ def _similarity_table(alike: tuple[GroupSimilarity, ...]) -> tuple[FigureTable, 
     return (FigureTable("Similarity of synergies", heads, rows),)
 
 
-def _verdicts(groups: list[GroupSynergies], asked: int | None) -> Iterator[Verdict]:
-    """Yield verdicts on the number of synergies of each group; `asked` is the number that the study states."""
+def _verdicts(groups: list[GroupSynergies]) -> Iterator[Verdict]:
+    """Yield verdicts on the synergies of each group."""
     for g in groups:
         name, c, threshold = f"{g.name}: " if g.name else "", g.count, 100 * SYNERGY_FIT.min_vaf
         if c.heldout.max() < SYNERGY_FIT.min_vaf:
@@ -264,11 +267,12 @@ def _verdicts(groups: list[GroupSynergies], asked: int | None) -> Iterator[Verdi
                 f"variance, less than {threshold:g} %: the fitted synergies do not generalize, or `most` in "
                 "[synergies] is too small.",
             )
-        chance = float(c.shuffled[list(c.numbers).index(c.enough)])
+        number = len(g.synergies) if len(g.synergies) in c.numbers else c.best
+        chance = float(c.shuffled[list(c.numbers).index(number)])
         if chance > SYNERGY_FIT.min_vaf - 0.05 and c.heldout.max() >= SYNERGY_FIT.min_vaf:
             yield Verdict(
                 "warning",
-                f"{name}{c.enough} synergies also account for {100 * chance:.0f} % of the variance of envelopes with "
+                f"{name}{number} synergies also account for {100 * chance:.0f} % of the variance of envelopes with "
                 "independent time shifts. With so few muscles, any activity can be factored into synergies.",
             )
         if c.left_out.max() <= 0.0:
@@ -276,12 +280,6 @@ def _verdicts(groups: list[GroupSynergies], asked: int | None) -> Iterator[Verdi
                 "warning",
                 f"{name}no number of synergies predicts a held-out muscle from the others (R² below 0). Do not use "
                 "synergies to fill in unrecorded muscles.",
-            )
-        elif c.predicting != c.enough and asked is None:
-            yield Verdict(
-                "note",
-                f"{name}{c.enough} synergies account for {threshold:g} % of the variance; {c.predicting} predict a "
-                f"held-out muscle best (R² {c.left_out.max():.2f}).",
             )
 
 
@@ -299,11 +297,11 @@ def _rows(
     for g in groups:
         base = f"{study}.{part(g.name)}.synergies" if g.name else f"{study}.synergies"
         c = g.count
-        words = (
-            f"smallest number with a VAF of {SYNERGY_FIT.min_vaf:g} in all and {SYNERGY_FIT.min_muscle_vaf:g} for each "
-            "muscle, by cross-validation over blocks of the fitted recordings"
-        )
-        yield row(f"{base}.number", g.within.enough, "fitted", words)
+        words = "smallest number that predicts held-out muscles as well as any, within one standard error"
+        yield row(f"{base}.number", g.within.best, "fitted", words)
+        for ending, bound in zip(("low", "high"), g.within.interval, strict=True):
+            note = f"{ending} end of the {100 * SYNERGY_FIT.interval:g} % interval, over blocks of time"
+            yield row(f"{base}.number.{ending}", bound, "fitted", note)
         yield row(f"{base}.predicting", c.predicting, "heldout", "number that predicts a held-out muscle best")
         for i, number in enumerate(c.numbers):
             yield row(f"{base}.{number}.vaf", c.heldout[i], "heldout")

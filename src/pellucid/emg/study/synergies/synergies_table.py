@@ -13,8 +13,8 @@ class SynergiesTable(EnvelopeTable):
     Attributes
     ----------
     number : int or None
-        Number of synergies; by default the smallest that accounts for 90 % of the variance of held-out samples,
-        and for 75 % of each muscle's.
+        Number of synergies; by default the smallest that predicts muscles left out of held-out samples as well as
+        any, within one standard error.
     most : int
         Largest number of synergies that is tried.
     """

@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ..files.name_evidence import read_name, words_of
-from ..files.stated_units import split_unit, unit_from_text
 from ..units import to_si_factor
+from .name_evidence import read_name, words_of
+from .stated_units import split_unit, unit_from_text
 
 _NUMBER_TEXT = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 
@@ -30,6 +30,12 @@ _PERIOD_NAMES = frozenset({
 _SAMPLING_WORDS = frozenset({
     "sampling", "sample", "sampled", "acquisition", "recording", "data", "logging", "log", "scan",
 })  # fmt: skip
+
+NOMINAL_RATE_FACT = "nominal_srate"
+"""Ending of the name of a fact that is the nominal rate of one stream of a file [Hz], after the stream's name."""
+
+MUSCLE_FACT = "target_muscle"
+"""Ending of the name of a fact that is the muscle of one channel of a file, after the channel's name."""
 
 MAX_RATE_HZ = 1e6
 """A number that is said to be a sampling rate is at most this [Hz]."""

@@ -1,0 +1,40 @@
+"""Read the files that a BIDS data set has beside a recording: they say of its channels what the recording does not."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+from ..._errors import RecordingError
+
+
+def read_channel_rows(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a recording's nearest ``channels.tsv``; none without one."""
+    for file in sidecar_files(path, "_channels.tsv"):
+        try:
+            rows = list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8-sig")), delimiter="\t"))
+        except (OSError, ValueError) as error:
+            raise RecordingError(f"{file.name}: not readable as a table: {error}") from None
+        if any(not row.get("name") or not row.get("type") for row in rows):
+            raise RecordingError(f"{file.name}: found a row without name or type, expected both in each")
+        return rows
+    return []
+
+
+def sidecar_files(path: Path, ending: str) -> list[Path]:
+    """Return the files with an ending that apply to a recording, the nearest first.
+
+    They stand in its folder or above it within the data set, and have no entity that its own name has not.
+    """
+    own, found = set(path.stem.removesuffix("_emg").split("_")), []
+    for folder in path.resolve().parents:
+        fitting = [f for f in sorted(folder.glob(f"*{ending}")) if set(f.name.removesuffix(ending).split("_")) <= own]
+        found += sorted(fitting, key=lambda f: -len(f.name))
+        top = folder / f"{ending.lstrip('_')}"
+        found += [top] if top.is_file() else []
+        if (folder / "dataset_description.json").is_file() or len(folder.parents) < 1:
+            break
+        if not folder.name.startswith(("sub-", "ses-")) and folder.name != "emg":
+            break
+    return found
