@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from .files.fault import Fault
+from typing import Any
 
 
 class PellucidError(ValueError):
@@ -58,10 +55,10 @@ class DamagedRowsWarning(UserWarning):
 class UnfitRecordingError(RecordingError):
     """Recordings were read, but `check` refuses them. The command line ends with the same status as `check`.
 
-    `faults` are all that `check` found, where it came to its end.
+    `faults` are all that `check` found, as `files.fault.Fault`, where it came to its end.
     """
 
-    def __init__(self, message: str, faults: Sequence[Fault] = ()) -> None:
+    def __init__(self, message: str, faults: Sequence[Any] = ()) -> None:
         super().__init__(message)
         self.faults = tuple(faults)
 

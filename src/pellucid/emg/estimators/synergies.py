@@ -402,8 +402,8 @@ def synergies(
     muscles : sequence of str, optional
         Names of the columns, where `envelopes` is an array.
     number : int, optional
-        Number of synergies; by default the smallest that predicts muscles left out of held-out samples as well as
-        any, within one standard error.
+        Number of synergies; by default the smallest that predicts each muscle from the others on held-out samples
+        as well as any, within one standard error.
     heldout : mapping or array_like, optional
         Envelopes of the same muscles that choose the number; by default, cross-validation over blocks of `envelopes`.
 

@@ -13,8 +13,8 @@ class SynergiesTable(EnvelopeTable):
     Attributes
     ----------
     number : int or None
-        Number of synergies; by default the smallest that predicts muscles left out of held-out samples as well as
-        any, within one standard error.
+        Number of synergies; by default the smallest that predicts each muscle from the others on held-out samples
+        as well as any, within one standard error.
     most : int
         Largest number of synergies that is tried.
     """
