@@ -214,10 +214,12 @@ def test_acknowledges_names_stand_in_lines_above_also_with_a_surplus_delimiter(t
     lines = ["trial.acq", "1 msec/sample", "2 channels", "Vastus Lateralis", "mV", "Soleus", "mV", "sec,CH1,CH2,"]
     lines.append(f",{len(t)},{len(t)},")
     lines += [f"{a:.4f},{1e3 * b:.6g},{1e3 * c:.6g}," for a, (b, c) in zip(t, x, strict=True)]
+    lines[50] = f"{t[41]:.4f},,{1e3 * x[41, 1]:.6g},"  # a lost sample counts, too
     (tmp_path / "trial.txt").write_text("\n".join(lines) + "\n")
     found = read_columns(tmp_path / "trial.txt")
     assert list(found.values) == ["sec", "Vastus Lateralis", "Soleus"]
     assert found.units["Soleus"] == "mV"
+    assert len(found["sec"]) == len(t)
 
 
 def test_a_description_in_json_names_the_columns(tmp_path):

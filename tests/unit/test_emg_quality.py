@@ -104,7 +104,7 @@ def humming(mains: float, rng: np.random.Generator) -> np.ndarray:
 def test_hum_is_found_at_either_frequency_of_the_mains_and_its_key_is_named(mains, rng):
     recording = emg_recording("hum", biceps=humming(mains, rng))
     (taken,) = inspect_emg(recording, notches=(mains,))
-    assert "the chain's notch takes it out" in taken.message
+    assert "the notch of the filter chain removes it" in taken.message
     (fault,) = inspect_emg(recording, notches=(110.0 - mains,))
     assert (fault.severity, fault.kind) == ("note", "mains_hum")
     assert f"hum at {mains:g} Hz" in fault.found

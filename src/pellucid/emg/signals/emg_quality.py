@@ -164,7 +164,8 @@ def _raw_faults(
             share = min((one.size / float(np.nanstd(x))) ** 2, 1.0)
             if share > EMG_LIMITS.max_mains_share and one.size > EMG_LIMITS.max_attached_mains_v:
                 found = f"{one.found}, {100.0 * share:.3g} % of the power"
-                faults.append(_fault("refuse", "detached_electrode", recording, name, found, "EMG; the electrode is probably detached"))
+                expected = "EMG; the electrode is probably detached"
+                faults.append(_fault("refuse", "detached_electrode", recording, name, found, expected))
                 continue
             mains = mains_rms(np.where(np.isfinite(x), x, 0.0), recording.fs)[0]
             remedy = f'set mains = "{mains:g} Hz" in study.toml to remove it'

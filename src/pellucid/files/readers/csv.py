@@ -318,7 +318,7 @@ def _without_count_row(
         return values, units
     first, others = arrays[0], arrays[1:]
     counts = [int(np.isfinite(x[1:]).sum()) for x in others]
-    if np.isnan(first[0]) and all(x[0] == n for x, n in zip(others, counts, strict=True)):
+    if np.isnan(first[0]) and all(x[0] in (n, len(x) - 1) for x, n in zip(others, counts, strict=True)):
         return {name: x[1:] for name, x in values.items()}, units
     return values, units
 
