@@ -28,7 +28,7 @@ from pellucid.emg.estimators.torque_trial import TorqueTrial
 from pellucid.emg.models.emg_estimator import EmgEstimatorCard
 from pellucid.emg.models.muscle import CalibratedMuscles
 from pellucid.emg.signals.emg_chain import emg_chain
-from pellucid.emg.signals.emg_quality import find_mains
+from pellucid.emg.signals.emg_quality import find_hum
 from pellucid.emg.study.emg_torque.estimator_cards import estimator_cards, map_estimator, muscle_estimator
 from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
@@ -374,7 +374,7 @@ def raw_rows() -> Iterator[ResultRow]:
         for _ in range(EDGE_COUNT):
             raw = made_raw(6.0, rng)
             hum = rng.uniform(0.5, 2.0) * np.std(raw) * np.sin(2.0 * np.pi * mains * np.arange(len(raw)) / RAW_RATE_HZ)
-            found.append(find_mains(recording_of(raw + hum)) == mains)
+            found.append(find_hum([recording_of(raw + hum)]) == mains)
     words = f"{len(found)} made recordings with half to twice as much hum as EMG, at 50 or 60 Hz"
     yield row("mains.found", 100.0 * np.mean(found), "%", words, "simulated")
     script = (
