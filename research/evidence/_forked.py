@@ -25,7 +25,7 @@ KILL_AFTER_S = 120.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one trial."""
+    """Outcome of one trial."""
 
     case: str
     said: str  # What it returned; of one that died, how

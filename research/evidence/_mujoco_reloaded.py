@@ -39,7 +39,7 @@ JOINTS = 3
 """Joints of each of them."""
 
 SAMPLES, PERIOD_S = 1500, 0.01
-"""Of their recordings."""
+"""Length and sampling period [s] of their recordings."""
 
 
 def slender_arm(rng: np.random.Generator) -> Robot:

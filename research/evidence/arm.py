@@ -81,7 +81,7 @@ def rows(arms: int = ARMS, seeds: int = SEEDS) -> Iterator[ResultRow]:
 
 
 def row(name: str, value: float | None, unit: str, note: str, split: str = "simulated") -> ResultRow:
-    """Of the arm."""
+    """Return a result row of the arm."""
     return ResultRow(f"arm.{name}", None if value is None else float(value), unit, "evidence", split, None, note)
 
 

@@ -88,7 +88,7 @@ class DriveCheck:
 
 @dataclass(frozen=True)
 class Answers:
-    """What start-up test and probe are to be held to."""
+    """Reference values of the start-up test and the probe."""
 
     start_up: float | None  # mean work of the test's wave [J]; None where there is no test
     start_up_spread: float  # standard deviation over starts [J]

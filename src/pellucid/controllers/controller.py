@@ -188,7 +188,7 @@ DRIVE_FREQUENCY = 1250.0
 
 @dataclass(frozen=True)
 class InertiaMargin:
-    """How much the share of inertia of each joint could grow."""
+    """Margin by which each joint's share of inertia could grow."""
 
     joint: str  # joint that is nearest to instability
     factor: float  # factor by which all shares together may grow [1]

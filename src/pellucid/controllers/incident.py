@@ -57,7 +57,7 @@ WATCH_BOUNDS = ("size", "above", "below")
 
 @dataclass(frozen=True)
 class WatchRecord:
-    """What one watch showed in each record."""
+    """Values of one monitor in each record."""
 
     bound: str  # "size", "above" or "below": how the value is compared with the threshold
     fault: str  # fault that the watch finds

@@ -117,7 +117,7 @@ def _largest_load(body: Mapping[str, float]) -> float:
 
 
 def place_on_rail(card: SliderCard, slider: float | None) -> float:
-    """Where the carriage is [m]: as asked for, or amid its rail."""
+    """Position of the carriage [m]: as given, or the middle of its rail."""
     low, high = card.rail
     place = 0.5 * (low + high) if slider is None else slider
     if not low <= place <= high:

@@ -30,7 +30,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Law:
-    """What is carried and how hard the rest is driven to zero."""
+    """Carried parts of the effort, and gains that drive the remainder to zero."""
 
     # gravity, viscous, friction, inertia: Shares of the orthosis's own gravity, viscous and Coulomb friction, and of
     # its inertia times the limb's acceleration, that are carried for the wearer [1]
@@ -66,7 +66,7 @@ class ResidualDesign:
 
     @property
     def preview(self) -> float:
-        """How far ahead the motion is predicted [s]."""
+        """Prediction horizon of the motion [s]."""
         if self.law.preview is not None:
             return self.law.preview
         m = self.coupling

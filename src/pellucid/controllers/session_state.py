@@ -12,7 +12,7 @@ from .. import _core
 
 @dataclass(frozen=True)
 class SessionState:
-    """What the engine does about power, or that it does nothing."""
+    """A state of a live session, with its effect on the robot."""
 
     name: str
     words: str  # for a page

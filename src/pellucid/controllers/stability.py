@@ -212,7 +212,7 @@ def swings(
 
 
 def _seen_by_controller(coupling: Coupling, speed: float) -> LinearSystem:
-    """From the torque wanted to encoder and spring."""
+    """Transfer functions from the desired torque to encoder and spring."""
     plant = worn_orthosis(coupling, speed)
     return LinearSystem(plant.a, plant.b[:, :1], plant.c[:2], plant.d[:2, :1])
 

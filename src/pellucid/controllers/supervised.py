@@ -561,7 +561,7 @@ class SupervisedLaw:
 
     @property
     def challenge(self) -> int:
-        """What a reset needs as its token; 0 while all is well."""
+        """Token that a reset needs; 0 without a fault."""
         return self._running.challenge
 
     @property

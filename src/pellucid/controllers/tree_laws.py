@@ -130,7 +130,7 @@ class TreeLaw:
 
     @cached_property
     def numbers(self) -> dict[str, np.ndarray]:
-        """What the core takes, by the names of its arguments."""
+        """Arguments of the core, by name."""
         made = {
             "links": np.array(self.card.links),
             "gravity": np.array(self.card.gravity),

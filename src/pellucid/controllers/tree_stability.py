@@ -76,7 +76,7 @@ class TreeCoupling:
 
 @dataclass(frozen=True)
 class Limb:
-    """How heavy, stiff and damped a limb is."""
+    """Inertia, stiffness and damping of a limb."""
 
     name: str
     mass: float  # factor of the limb's own mass

@@ -22,7 +22,7 @@ from .protocol import KneeTrial, knee_trials
 from .trial import Controller, KneeReadings, run_trial
 
 TORQUE_QUANTUM = 1e-4
-"""To which torques are written [N*m]."""
+"""Resolution of the written torques [N*m]."""
 
 IMU_CHANNELS = ("acceleration", "angular_velocity", "magnetic_field")
 """In the order of the rig's quanta."""

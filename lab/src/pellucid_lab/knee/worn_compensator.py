@@ -77,7 +77,7 @@ class WornCompensator:
 
     @property
     def fault(self) -> str:
-        """As of its supervisor."""
+        """Fault of its supervisor."""
         return self.core.fault
 
     def step(

@@ -18,7 +18,7 @@ from .subject import subject_truth, subjects
 from .trial import run_seated_trial
 
 TORQUE_QUANTUM = 1e-3
-"""To which torques are written [N*m]."""
+"""Resolution of the written torques [N*m]."""
 
 
 COMMENTS = {

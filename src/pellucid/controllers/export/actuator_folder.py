@@ -55,7 +55,7 @@ TRIED = {
     "against stand-ins for Isaac Lab's classes only, not in Isaac Lab.",
     "mjx": "Written for MJX 3 (`pip install mujoco-mjx`).",
 }
-"""What has been tried, for each simulator."""
+"""Tests of the exported actuators, for each simulator."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Range:
 
 @dataclass(frozen=True)
 class JointActuator:
-    """What a simulator needs of the actuator of a joint, SI."""
+    """Parameters of a joint's actuator for a simulator, in SI units."""
 
     name: str
     motion: str  # "rotary" or "prismatic"

@@ -29,7 +29,7 @@ PACKAGE_TEMPLATES: Mapping[str, str] = {
 """Templates of the package, each with the path of its file."""
 
 LABEL = "Compiled against stand-in headers; not yet run under ROS 2."
-"""What has been tried of an exported package."""
+"""Tests of exported packages."""
 
 
 def package_name(controller: str) -> str:

@@ -44,7 +44,7 @@ SHOWN_DIGITS = 3
 
 @dataclass(frozen=True)
 class WatchDistance:
-    """How near one watch came to its threshold, up to the stop."""
+    """Largest value of one monitor relative to its threshold, up to the stop."""
 
     name: str
     share: float  # largest value over threshold; 1 or more is a fault [1]

@@ -40,7 +40,7 @@ It is a convention: a twentieth of the torque's variance.
 
 @dataclass(frozen=True)
 class WorthSettings:
-    """From how many trials or blocks an interval follows."""
+    """Least numbers of trials and blocks for an interval."""
 
     min_trials: int = 3  # Smallest number of trials whose mean gain gets an interval
     # Shortest block of a recording in correlation lengths of the difference of squared errors

@@ -20,7 +20,7 @@ from .torque_trial import ENVELOPE_LAGS_S, Features, FeatureSet, TorqueTrial, co
 
 @dataclass(frozen=True)
 class MapFitting:
-    """How many samples and folds a map is chosen and fitted with."""
+    """Numbers of samples and folds for the selection and the fit of a regression."""
 
     block_count: int = 5  # Number of blocks into which a single recording is divided for cross-validation
     # Gap on either side of a scored block [s]. It covers the longest lag and the memory of a filter.

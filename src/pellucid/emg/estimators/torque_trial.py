@@ -51,7 +51,7 @@ class MovedBody:
 
     @property
     def words(self) -> str:
-        """How the body is modelled, as a sentence."""
+        """Sentence that describes the model of the body."""
         return (
             "Limb and orthosis are modelled as one rigid body, because there is no model card of the strap. A "
             "compliant strap causes an error, since the limb's angle, and so its gravity torque, differs."

@@ -135,7 +135,7 @@ CALIBRATION_METHODS = ("least_squares", "swarm", "descent")
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How the least-squares search starts and ends."""
+    """Start and end of the least-squares search."""
 
     # Number of starting points of least squares: the anatomical values, and random draws for the rest
     start_count: int = 3

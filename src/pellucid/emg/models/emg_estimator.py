@@ -195,7 +195,7 @@ class EmgEstimatorCard:
         return round(seconds / self.at(period))
 
     def arrays(self, period: float | None = None) -> dict:
-        """What the core's module takes, by name."""
+        """Arguments of the core's estimator, by name."""
         from scipy.signal import butter
 
         names, step, count = [channel.name for channel in self.channels], self.at(period), len(MUSCLE_QUANTITIES)

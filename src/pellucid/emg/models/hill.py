@@ -78,7 +78,7 @@ class FreeParameter:
 
 @dataclass(frozen=True, eq=False)
 class HillData:
-    """What is known at every sample, a row per muscle."""
+    """Inputs at every sample, one row per muscle."""
 
     excitation: np.ndarray  # (m, n) Envelopes relative to maximal effort [1]
     # length, rate, moment_arm: (m, n) Musculotendon lengths [m], how fast they grow [m/s], moment arms about the joint

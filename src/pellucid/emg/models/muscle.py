@@ -352,11 +352,11 @@ class CalibratedMuscles:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Those that the muscles move."""
+        """Joints that the muscles move."""
         return tuple(self.tissue)
 
     def settings(self) -> dict[str, str | float]:
-        """As a card keeps them."""
+        """Settings, in the form in which a card stores them."""
         said: dict[str, str | float] = {
             "joints": ", ".join(self.joints),
             "muscles": ", ".join(m.name for m in self.muscles),

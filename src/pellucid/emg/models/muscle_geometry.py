@@ -262,7 +262,7 @@ class Spline:
 
 @dataclass(frozen=True)
 class PolynomialFit:
-    """How a polynomial is fitted, and when it is good enough."""
+    """Settings of the polynomial fit, and its tolerances."""
 
     # RMS error of length that counts as much as `arm_error_m` [m]. The fit stops at half of both.
     length_error_m: float = 1e-4
@@ -281,7 +281,7 @@ HALTON_BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)
 
 @dataclass(frozen=True)
 class PolynomialError:
-    """What a polynomial misses, on poses that were not fitted [m]."""
+    """Errors of a polynomial on poses not used in the fit [m]."""
 
     length: float  # length, arm: Root mean squares, of arms over the worst angle
     arm: float

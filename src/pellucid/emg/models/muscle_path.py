@@ -54,7 +54,7 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class SkeletonJoint:
-    """What holds a body to another."""
+    """A joint between two bodies."""
 
     name: str
     parent: str  # parent, child: Bodies

@@ -21,7 +21,7 @@ import numpy as np
 
 
 class Wrap(IntEnum):
-    """What a stretch does on a surface."""
+    """Kind of path of a segment at a surface."""
 
     NO_WRAP = 0  # It passes the surface
     MAY_WRAP = 1  # It wraps if that is shortest
@@ -51,7 +51,7 @@ ARC_QUADRATURE = np.polynomial.legendre.leggauss(24)
 
 @dataclass(frozen=True, eq=False)
 class WrapResult:
-    """What n stretches do on a surface, in the surface's frame."""
+    """Paths of n segments on a surface, in the surface's frame."""
 
     code: np.ndarray  # (n,) Codes of `Wrap`
     first: np.ndarray  # (n, 3) first, last: Tangent points [m]
@@ -60,7 +60,7 @@ class WrapResult:
 
 
 class Surface(Protocol):
-    """What a stretch may wrap around."""
+    """A surface that a segment may wrap around."""
 
     def wrapped(self, p: np.ndarray, q: np.ndarray) -> WrapResult:
         """From points `p` to points `q`, (n, 3), in the surface's frame."""
@@ -290,7 +290,7 @@ def _replace_inside(x: np.ndarray, radius: float, inside: np.ndarray, dimensions
 
 
 def _crossings(p: np.ndarray, q: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where straight lines enter and leave an ellipsoid."""
+    """Points where straight lines enter and leave an ellipsoid."""
     enter, leave, _ = _crossing_shares(p, q, radii)
     way = q - p
     return p + enter[:, None] * way, p + leave[:, None] * way

@@ -28,7 +28,7 @@ from ...numerics.arguments import with_checked_arguments
 
 @dataclass(frozen=True)
 class DelaySearch:
-    """Where a delay is searched, and when it counts as found."""
+    """Search range of a delay, and criteria of its detection."""
 
     max_s: float = 0.5  # Delays are searched from minus to plus this time
     # Smallest correlation between envelope and torque at which a delay counts as found. Chosen by judgement.

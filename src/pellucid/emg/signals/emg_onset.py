@@ -52,7 +52,7 @@ from .emg_findings import EmgFinding, dropouts, emg_quality
 
 @dataclass(frozen=True)
 class OnsetSettings:
-    """How bursts and their change points are searched."""
+    """Settings of the search for bursts and their change points."""
 
     bandpass_hz: tuple[float, float] = (30.0, 300.0)  # Band of the band-pass before the energy operator, as published
     energy_lowpass_hz: float = 50.0  # Cut-off of the zero-phase low-pass on the energy [Hz], as published

@@ -18,7 +18,7 @@ from ...numerics.filters import runs, zero_phase_lowpass
 
 @dataclass(frozen=True)
 class RepetitionSearch:
-    """When a movement counts as one repetition."""
+    """Criteria of a repetition."""
 
     # Cut-off of the low-pass before the search, so that tremor and a goniometer's steps are not taken for repetitions
     lowpass_hz: float = 3.0

@@ -357,7 +357,7 @@ def settling_table(found: AssessmentResult) -> FigureTable:
 
 
 def _decimals(values: np.ndarray) -> int:
-    """As many decimals as two digits of the largest standard deviation need, and one more; three digits will do."""
+    """Return the number of decimals: two digits of the largest standard deviation and one more, at most 3 or 4."""
     sd = float(np.std(values, axis=0, ddof=1).max()) if len(values) > 1 else 0.0
     most = 3 if np.abs(values).max() >= 0.05 else 4
     return min(max(2 - int(f"{sd:.1e}".split("e")[1]), 0), most) if sd > 0.0 else 3

@@ -152,7 +152,7 @@ class WornBody(Protocol):
 
     @property
     def words(self) -> str:
-        """How the body is modelled, as a sentence."""
+        """Sentence that describes the model of the body."""
 
     def wearer_torque(self, recording: Recording, lowpass: float) -> np.ndarray:
         """Return the wearer's torque about the joint, shape (n,) [N m], low-passed at `lowpass` [Hz]."""

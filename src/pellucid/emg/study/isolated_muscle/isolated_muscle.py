@@ -70,7 +70,7 @@ class MuscleTrial:
 
 @dataclass(frozen=True, eq=False)
 class IsolatedMuscleFit:
-    """What `isolated_muscle` found."""
+    """Result of `isolated_muscle`."""
 
     offset: float  # Rest length less l_o cos(phi_o) + l_ts [m]
     trials: tuple[MuscleTrial, ...]
@@ -119,7 +119,7 @@ class IsolatedMuscleFit:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class IsolatedMuscleResult(Result):
-    """What `calibrate` finds of an isolated muscle."""
+    """Result of `calibrate` for an isolated muscle."""
 
     fit: IsolatedMuscleFit = field(repr=False)
     interval: Parameter | None = None
