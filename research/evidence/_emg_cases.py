@@ -91,7 +91,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Errors of one fold: what was named, every candidate, and the plain ridge regressions on angles."""
+    """Errors of one fold: the recommended estimator, every candidate, and the ridge regressions on angles."""
 
     named: str  # Recommended estimator
     errors: np.ndarray  # Its errors on the held-out trials, shape (n,)

@@ -567,7 +567,7 @@ def export_rows() -> Iterator[ResultRow]:
         wrong, replaced = wrong_floats(card, vector, (out / OUTPUT_FILE).read_text("utf-8"))
         how = (
             f"{len(vector.steps)} steps of the exported test vector, {replaced} of them with a changed channel: "
-            f"torque, widening and fault of the exported C beside those of Python's estimator in float; {what}"
+            f"torque, widening and fault of the exported C compared with Python's estimator in float; {what}"
         )
         yield row("watch.c.wrong_floats", wrong if replaced else None, "1", how, "simulated")
         if missing_tools():

@@ -1,9 +1,9 @@
 r"""Choose the estimator to recommend: refit each candidate on some conditions, test it on the others, and weigh them.
 
 Candidates are all families with all their penalties, with and without EMG. If several recordings, sessions or
-repetitions are fitted, each is left out whole. A single recording is divided into blocks. Two recordings alone hardly
-tell how candidates differ between recordings: blocks of both then count as much as leaving each out. Every candidate is
-tested on the same samples, with the features and settings that it chose before.
+repetitions are fitted, each is held out as a whole in turn. A single recording is divided into blocks. Two recordings
+alone show little of how candidates differ between recordings; blocks of both then count as much as the two recordings.
+Every candidate is tested on the same samples, with the features and settings that it chose before.
 
 Let :math:`e_k` be the errors of candidate k in the tests, with trials weighed by the noise model of
 `find_trial_weights`. The recommended estimator is the weighted mean of the candidates [1]_ with
@@ -189,7 +189,7 @@ def _error_moments(each: Sequence[ConditionTestErrors], test: int) -> np.ndarray
 def _solve_weights(names: Sequence[str], moments: np.ndarray) -> dict[str, float]:
     """Return the weights of least mean square error, at least 0 with the sum 1, the largest first.
 
-    Candidates of less than `1 - MIN_SOLE_WEIGHT` together beside a single one are left out.
+    If all candidates but one have a total weight below `1 - MIN_SOLE_WEIGHT`, only that one is returned.
     """
     from scipy.optimize import nnls
 
@@ -254,7 +254,7 @@ def _report_errors(
 
 
 def make_choice_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...]:
-    """Return the tests by which candidates are weighed: conditions left out in turn, or blocks of a single one.
+    """Return the tests by which candidates are weighed: conditions held out in turn, or blocks of a single one.
 
     Two conditions and blocks of both count the same.
     """

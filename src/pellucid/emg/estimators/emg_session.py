@@ -771,8 +771,8 @@ def _consequences(
 ) -> tuple[np.ndarray, tuple[float, ...], float]:
     """Return the share of the torque's variance that a squared error of each channel costs, shape (k,).
 
-    Of several joints the one that loses most counts. The RMSE of each joint's torque [N m] is returned beside it, and
-    the smallest share of a joint's variance that the torque leaves unexplained.
+    With several joints, the largest loss counts. Also return the RMSE of each joint's torque [N m], and the smallest
+    share of a joint's variance that the torque leaves unexplained.
     """
     bare = replace(card, watch=None, chain="none", channels=tuple(replace(c, scale=1.0) for c in card.channels))
     first = list(next(iter(trials.values())))

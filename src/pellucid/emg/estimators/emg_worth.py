@@ -9,9 +9,9 @@ Neighbouring samples are alike, and errors of one stride belong together. The in
 Student's, of the mean gain in blocks of whole strides, each at least two correlation lengths of :math:`e_0^2 - e_1^2`
 [1]_. In cross-validation over trials, the trials are the blocks.
 
-Both maps are the best of their kind by tests within the fitted recordings: with EMG, and without. Another set of tests
-would have chosen others. The interval therefore also holds the jackknife's variance of the gain over these tests, each
-left out of the choice in turn.
+The maps with and without EMG are both the best of their kind in tests within the fitted recordings. Another set of
+tests might have chosen others. The interval therefore includes the jackknife variance of the gain, computed by omitting
+each of these tests in turn.
 
 EMG is worth recording if the whole interval lies above 0 and the gain reaches a required margin. It is not worth
 recording if the whole interval lies below that margin. Otherwise these recordings do not decide.
@@ -101,7 +101,7 @@ def worth_on_recording(
     margin : float
         Gain in R² that counts as worthwhile.
     other_choices : sequence of pairs of ndarray, shape (n,)
-        Both predictions as chosen without one of the tests within the fitted recordings [N m], each left out in turn.
+        Both predictions, chosen without one of the tests within the fitted recordings [N m], for each test in turn.
 
     Returns
     -------
