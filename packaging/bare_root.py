@@ -77,6 +77,7 @@ def main(folder: Path) -> dict[str, float]:
             "wheel_bytes": float(sum(w.stat().st_size for w in ours)),
             "pellucid_bytes": float(size_of(packages / "pellucid")),
             "installed_bytes": float(size_of(packages)),
+            "base_size_bytes": float(size_of(packages) - size_of(packages / "pellucid_lab")),
             "install_s": installed,
         }
         return measured | json.loads(inside(root, [python, "-c", DEMO]).splitlines()[-1])
