@@ -140,7 +140,7 @@ def _table(rows: Sequence[Sequence[str]], delimiter: str) -> str:
 
 
 def delsys_emgworks(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
-    """EMGworks File Utility: a column of times for every signal, accelerometers at a slower rate beside the EMG."""
+    """EMGworks File Utility: a column of times for every signal, accelerometers at a lower rate than the EMG."""
     heads, columns = [], []
     slow = np.arange(r.time[0], r.time[-1], 1.0 / 148.148)
     for k, label in enumerate(labels):
@@ -399,7 +399,7 @@ def struct_mat(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit:
 
 
 def fields_mat(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
-    """A struct with a field for every muscle beside time."""
+    """A struct with a field for the time and one for every muscle."""
     from scipy.io import savemat
 
     path = folder / f"{stem}.mat"

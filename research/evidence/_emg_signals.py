@@ -230,7 +230,7 @@ def move_cable(recording: EmgRecording, rng: np.random.Generator, channel: int) 
 
 
 def saturate(recording: EmgRecording, rng: np.random.Generator, channel: int) -> EmgRecording:
-    """Set the amplifier's gain too high: what is beyond its range is its end."""
+    """Set the amplifier's gain too high: values beyond its range are clipped."""
     emg = recording.emg.copy()
     end = rng.uniform(0.35, 0.6) * float(np.quantile(np.abs(emg[:, channel]), 0.999))
     emg[:, channel] = np.clip(emg[:, channel], -end, end)

@@ -251,7 +251,7 @@ def log_of(columns: Columns, rate: float | None = None) -> Log:
 
 
 def _with_short_muscles(channels: Sequence[LogChannel]) -> list[LogChannel]:
-    """Return channels of which those beside EMG, in its unit, that a few letters name after a muscle hold EMG, too."""
+    """Return channels in which those with a muscle's abbreviation and the unit of the EMG channels count as EMG."""
     units = [c.quantity.unit for c in channels if c.quantity.kind == "emg"]
     return [
         replace(c, quantity=replace(c.quantity, kind="emg"))

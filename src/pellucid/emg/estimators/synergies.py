@@ -104,7 +104,7 @@ class SynergyCount:
 
     @property
     def best(self) -> int:
-        """Smallest number whose error of muscles left out lies within one standard error of the least one."""
+        """Smallest number of synergies whose error on held-out muscles is within one standard error of the minimum."""
         return int(self.numbers[_within_one_error(self.errors)])
 
     @property

@@ -1,8 +1,8 @@
-"""Which channels of EMG are exchanged with each other against another recording of the same electrodes.
+"""Detect EMG channels that are exchanged relative to another recording of the same electrodes.
 
-An electrode takes with it what it shows of its place: size at rest and at work, spectrum, and when it is active beside
-the channels that stay. Two channels are exchanged if each of them fits the other's place as well as channels of one
-session fit their own, and its own place badly.
+A channel is compared by features of its electrode's place: amplitude at rest and in activity, spectrum, and the timing
+of its activity relative to the other channels. Two channels count as exchanged if each fits the other's place as well
+as channels of one session fit their own, and fits its own place poorly.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy import signal
 
 @dataclass(frozen=True)
 class ExchangeThresholds:
-    """How places of electrodes are compared."""
+    """Thresholds of the comparison of electrode places."""
 
     piece_s: float = 2.0  # Features are of pieces of this length, whose spread says how sure they are
     min_pieces: int = 3
@@ -123,7 +123,7 @@ def exchanged_pairs(one: ElectrodePlaces | None, other: ElectrodePlaces | None) 
 
 
 def differing_recordings(emg: Sequence[np.ndarray], rate: float) -> list[tuple[int, int]]:
-    """Return the recordings, of raw EMG (n, channels), with exchanged channels, each with one that it is held against.
+    """Return the recordings of raw EMG (n, channels) with exchanged channels, each with its reference recording.
 
     The first recording is the reference, unless most of the others differ from it.
     """

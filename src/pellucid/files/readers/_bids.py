@@ -1,4 +1,4 @@
-"""Read the files that a BIDS data set has beside a recording: they say of its channels what the recording does not."""
+"""Read the files that accompany a recording in a BIDS data set and describe its channels."""
 
 from __future__ import annotations
 

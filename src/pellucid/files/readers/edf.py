@@ -49,7 +49,7 @@ def read(path: Path) -> Columns:
 
 
 def _muscle_facts(path: Path) -> dict[str, str]:
-    """Return the muscle of each channel that a BIDS data set states beside a recording, as facts of the channels."""
+    """Return the muscle of each channel, from the files that accompany a recording in a BIDS data set."""
     if not path.stem.endswith("_emg"):
         return {}
     rows = read_channel_rows(path)

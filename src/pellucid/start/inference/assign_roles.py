@@ -429,7 +429,7 @@ class _Assignment:
             evidence = self.names[name]
             is_alike = len(units) > 1 and self._stated(name) is not None and self._stated(name) in units
             if is_alike and evidence.quantity in (None, "voltage", "emg") and emg_muscle(name):
-                self._set(name, "emg", "EMG, by its name beside others of its unit", evidence, False)
+                self._set(name, "emg", "EMG, by its name and the unit of other EMG channels", evidence, False)
 
     def _find_inertial_sensors(self) -> None:
         rate = self.rate or 1.0
