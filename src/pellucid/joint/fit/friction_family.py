@@ -316,8 +316,13 @@ def _apply_other_methods(
         """Add what `solve` finds, with its instruments if it has any; `lengths` are those of stretches with rest."""
         try:
             solution, z = solve()
+            made = make(solution, name, instruments=z, lengths=lengths)
+            if not np.isfinite(made.covariance).all():
+                raise IdentificationError(
+                    "found parameters that the motion cannot tell apart, expected a finite covariance of each"
+                )
             solved[name] = SolvedMethod(model, solution, every_row=lengths is not None, instruments=z)
-            others[name] = make(solution, name, instruments=z, lengths=lengths)
+            others[name] = made
         except (IdentificationError, np.linalg.LinAlgError) as error:
             failures[name] = str(error)
 
