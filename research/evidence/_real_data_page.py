@@ -171,11 +171,11 @@ is stored.
 
 | result | command |
 |---|---|
-| changed channels of EMG, and conditions without validity | `python -m research.evidence emg` |
-| recommended estimator against the best one, all data sets | `python -m research.evidence emg` |
+| detection of changed EMG channels and of movements outside the fitted range | `python -m research.evidence emg` |
+| recommended estimator compared with the best one, all data sets | `python -m research.evidence emg` |
 | replay of an exported servo in MuJoCo | `python -m research.evidence formats` |
 | presliding of real machines | `python -m research.evidence friction` |
-| people who point without a robot | `python -m research.evidence people` |
+| pointing movements of people without a robot | `python -m research.evidence people` |
 | typical faults of recordings | `python -m research.evidence spoilt` |
 """
 """Commands of further results."""

@@ -62,7 +62,7 @@ def test_a_test_that_one_of_them_could_not_be_given_counts_for_nobody():
     first, second, third = drawn(1, 1.0)
     lost = [first, np.full(9, np.nan), third]
     assert recommend({"hill": told(*lost), "ridge": told(3.0 * first, 9.0 * second, 3.0 * third)}).name == "hill"
-    with pytest.raises(IdentificationError, match="found no test in which hill, ridge all predict"):
+    with pytest.raises(IdentificationError, match="found no test recording that hill, ridge all predict"):
         recommend({"hill": told(np.full(9, np.nan)), "ridge": told(first)})
 
 

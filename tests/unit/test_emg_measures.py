@@ -30,9 +30,9 @@ def test_a_delay_that_was_put_in_lies_in_its_interval(delay, sign):
     ("change", "said"),
     [
         (lambda x, y: (x, y[:-1]), r"found shapes \(2000,\) and \(1999,\)"),
-        (lambda x, y: (x[:500], y[:500]), "found 5 s, expected at least 10 s"),
+        (lambda x, y: (x[:500], y[:500]), "found 5 s of envelope and torque, expected at least 10 s"),
         (lambda x, y: (np.where(np.arange(len(x)) == 7, np.nan, x), y), "1 missing samples .* first at 0.07 s"),
-        (lambda x, y: (x, np.random.default_rng(1).standard_normal(len(y))), "no delay can be told"),
+        (lambda x, y: (x, np.random.default_rng(1).standard_normal(len(y))), "the delay is not identifiable"),
     ],
 )
 def test_what_shows_no_delay_is_refused(change, said):

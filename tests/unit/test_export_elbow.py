@@ -179,8 +179,8 @@ def test_what_cannot_be_exported_is_told(study):
     for given, said in (
         ({"controller": "emg"}, "found the participant none, expected one of .participants.: P1, P2"),
         ({"controller": "emg", "participant": "P2"}, "lacks height"),
-        ({"controller": "clpc", "participant": "P1"}, "is the same for everybody"),
-        ({"controller": "clpc", "exponents": (0.0, 0.0)}, '"clpc" has none'),
+        ({"controller": "clpc", "participant": "P1"}, "does not depend on the wearer"),
+        ({"controller": "clpc", "exponents": (0.0, 0.0)}, 'only "fc" and "pcfr" have them'),
         ({"exponents": (0.0, 0.0)}, "found exponents without a controller"),
         ({"controller": "clpc", "card": "slider.load.json"}, "found a card and a controller"),
     ):

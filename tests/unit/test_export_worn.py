@@ -82,8 +82,10 @@ def test_one_wearer_must_be_meant(study):
         pellucid.export(study)
     with pytest.raises(PellucidError, match="found the participant 'S3', expected one of S1, S2"):
         pellucid.export(study, participant="S3")
-    with pytest.raises(PellucidError, match="found a joint's card, carriage or controller"):
+    with pytest.raises(PellucidError, match="found slider, expected none: a worn orthosis has one"):
         pellucid.export(study, participant="S1", slider=0.1)
+    with pytest.raises(PellucidError, match="found load, held, expected none"):
+        pellucid.export(study, participant="S1", load=(1.0, 0.2), held=(0.5, 0.3))
     (study.models_dir / "S1.limb.json").unlink()
     with pytest.raises(PellucidError, match="no such model card"):
         pellucid.export(study, participant="S1")

@@ -83,7 +83,7 @@ def test_without_a_period_both_are_one_level_and_that_is_said(tmp_path):
 def test_a_wrong_period_is_told_and_the_rest_goes_on(tmp_path):
     found = identify(written(tmp_path / "wrong", 2.0, period='period = "3 s"\n'))
     assert set(found.looks) == {"m0", "m1", "m2", "m3"}
-    assert any("noise and distortion not told apart" in v.text for v in found.verdicts)
+    assert any("noise and distortion are not separated" in v.text for v in found.verdicts)
     assert found.fits
 
 

@@ -142,7 +142,7 @@ def test_what_cannot_be_told_must_be_given(study, tmp_path):
         .replace('current = { column = "i", unit = "A" }', 'torque = { column = "i", unit = "N*m" }')
     )
     (tmp_path / "study.toml").write_text(text.replace("torque = {", "temperature = {").replace('"N*m"', '"K"'))
-    with pytest.raises(StudyError, match="nothing in it tells them"):
+    with pytest.raises(StudyError, match="which this stream does not identify"):
         open_study(tmp_path)
     study(own="q")
     (tmp_path / "study.toml").write_text((tmp_path / "study.toml").read_text().replace("join = true", 'offset = "1 s"'))

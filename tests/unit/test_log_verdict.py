@@ -77,7 +77,7 @@ def test_energy_before_and_after_a_stop_add_up():
 def test_arrays_that_do_not_belong_together_are_refused():
     with pytest.raises(PellucidError, match="expected one number a sample of both"):
         judge_log(ANGLE, TIME[:-1], limits=LIMITS)
-    with pytest.raises(PellucidError, match="a clock that does not go on"):
+    with pytest.raises(PellucidError, match="a time that does not increase"):
         judge_log(ANGLE, ANGLE, time=TIME[::-1], limits=LIMITS)
 
 

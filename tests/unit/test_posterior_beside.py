@@ -59,7 +59,7 @@ def test_of_a_refused_interval_it_is_said_whether_the_data_or_the_prior_tell():
     assert "its posterior, which the data determine, is 0.81 to 1.20 N·m" in text
     guessed = replace(told, prior_share=0.9)
     [(_, text)] = said([ComparedPosterior(refused, guessed)], posterior(guessed))
-    assert "gravity is told by the prior, not by the data" in text
+    assert "gravity is determined by the prior, not by the data" in text
     assert ComparedPosterior(refused, guessed).told(0.95) == "told by the prior"
 
 

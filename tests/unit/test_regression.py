@@ -121,7 +121,7 @@ def test_constant_velocity_cannot_show_inertia():
 def test_collinear_effects_are_named():
     motion = motion_of(vector_of())
     one_way = replace(motion, velocity=np.abs(motion.velocity) + 0.01)
-    with pytest.raises(IdentificationError, match="coulomb and offset cannot be told apart"):
+    with pytest.raises(IdentificationError, match="coulomb and offset are not identifiable separately"):
         solve_family(model(), stack([one_way]))
 
 
@@ -191,5 +191,5 @@ def test_one_payload_cannot_give_the_drive_constant():
 def test_a_reversed_drive_is_named():
     motion = motion_of(vector_of(), effort_sd=0.05)
     require_sign(model(), stack([motion]), "current")
-    with pytest.raises(IdentificationError, match=r"takes [\d.]+ J of work .* set sign = -1 on channel 'current'"):
+    with pytest.raises(IdentificationError, match=r"absorbs [\d.]+ J of work .* set sign = -1 on channel 'current'"):
         require_sign(model(), stack([replace(motion, effort=-motion.effort)]), "current")

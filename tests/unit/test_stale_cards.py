@@ -93,7 +93,7 @@ def test_an_old_card_is_used_unless_its_recordings_are_others_and_said(study):
     old = replace(read_card(path), made_from={})
     write_card(path, old)
     values = joint_values(study)
-    assert any("joint.json does not say what it was made from" in note for note in values.notes)
+    assert any("joint.json does not state its sources" in note for note in values.notes)
     write_card(path, replace(old, checksums={name: "0" * 64 for name in old.checksums}))
     with pytest.raises(PellucidError, match="found an outdated card: its recordings"):
         joint_values(study)
@@ -153,7 +153,7 @@ def test_a_folder_to_write_to_holds_one_study(study, tmp_path):
     path.write_text(path.read_text().replace('name = "bench"', 'name = "other"'))
     with pytest.raises(PellucidError, match="out: found results of bench, expected those of other or none"):
         open_study(other, out=tmp_path / "out")
-    with pytest.raises(PellucidError, match="bench: found a study of its own"):
+    with pytest.raises(PellucidError, match="bench: found another study"):
         open_study(other, out=study.folder)
 
 

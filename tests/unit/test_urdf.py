@@ -246,7 +246,7 @@ def test_a_file_without_bodies_gets_stand_ins(written):
     shapes = re.sub("<inertial>.*?</inertial>", "", BRANCHED, flags=re.DOTALL)
     robot = read_urdf(written(shapes))
     (note,) = robot.notes
-    assert "found no link with a mass, expected <inertial> of each; bodies of 1 kg stand in" in note
+    assert "found no link with a mass, expected <inertial> of each: bodies of 1 kg are assumed" in note
     assert {link.mass for link in robot.tree()[0].links} == {1.0}
 
 

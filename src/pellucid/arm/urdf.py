@@ -322,20 +322,24 @@ def _body_notes(robot: Urdf):
     """Yield a note for each body that is physically impossible; a fit does not need the bodies."""
     if not robot.has_bodies:
         yield (
-            f"{robot.path.name}: found no link with a mass, expected <inertial> of each; bodies of 1 kg stand in: "
-            "recordings tell what they are, and nothing is compared with them"
+            f"{robot.path.name}: found no link with a mass, expected <inertial> of each: bodies of 1 kg are assumed, "
+            "and the identified ones are not compared with them"
         )
     for link in robot.links:
         low, middle, high = _principal_moments(link)
         if robot.has_bodies and link.mass == 0.0 and high > 0.0:
             found = f"mass 0 with a moment of inertia of {high:.3g} kg m^2"
-            yield f"{robot.path.name}, link {link.name!r}: found {found}, expected a mass; its inertias are no prior"
+            yield (
+                f"{robot.path.name}, link {link.name!r}: found {found}, expected a mass; its inertia is ignored"
+            )
         elif link.mass > 0.0 and low <= 0.0:
             found = f"a moment of inertia of {low:.3g} kg m^2 about its centre"
-            yield f"{robot.path.name}, link {link.name!r}: found {found}, expected > 0; its inertias are no prior"
+            yield (
+                f"{robot.path.name}, link {link.name!r}: found {found}, expected > 0; its inertia is ignored"
+            )
         elif low + middle < high * (1.0 - 1e-6):
             found = f"moments of inertia {low:.3g}, {middle:.3g} and {high:.3g} kg m^2"
             yield (
                 f"{robot.path.name}, link {link.name!r}: found {found}, of which no body has the largest above the sum "
-                "of the others; its inertias are no prior"
+                "of the others; its inertia is ignored"
             )

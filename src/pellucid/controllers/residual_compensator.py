@@ -263,7 +263,7 @@ def within(
             others.insert(0, others.pop(failing))
         elif step == 0 or first_failing(weaker, cases, gain_db=gain_db, delay=delay) is None:
             return weaker
-    raise PellucidError("within: no weaker law comes to rest on every plant.")
+    raise PellucidError("within: found no lower gains with which the motion settles for every plant, expected some")
 
 
 def _weakened(law: Law, left: float) -> Law:

@@ -269,7 +269,7 @@ def with_load(law: ControlLaw, load: Segment) -> ControlLaw:
     """
     _require_body(law, "a load")
     if law.load is not None:
-        raise PellucidError(f"law {law.kind}: found a load already, expected none")
+        raise PellucidError(f"law {law.kind}: found a load already, expected none: add the load to the law without one")
     inertia = law.values["inertia"]
     made = law.changed(
         gravity_sine=law.values["gravity_sine"] + load.gravity(),

@@ -164,7 +164,9 @@ def judge_log(
     if time is not None:
         time = np.asarray(time, float)
         if time.shape != angle.shape or not np.all(np.diff(time) > 0.0):
-            raise PellucidError("log: found a clock that does not go on, or not a time for each sample")
+            raise PellucidError(
+                "log: found a time that does not increase or differs in length, expected one increasing time a sample"
+            )
         return [_judge(angle, torque, time, float(np.median(np.diff(time))), False, limits, instruments, supervision)]
     return [
         _judge(angle, torque, np.arange(len(angle)) / rate, 1.0 / rate, True, limits, instruments, supervision)

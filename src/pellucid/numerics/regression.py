@@ -369,7 +369,8 @@ def require_full_rank(names: Sequence[str], jacobian: np.ndarray, where: str) ->
     if singular[-1] < 1e-7 * singular[0]:
         tied = [n for n, c in zip(names, rows[-1], strict=True) if abs(c) > 0.2]
         raise IdentificationError(
-            f"{where}: {' and '.join(tied)} cannot be told apart in these recordings: their effects are proportional"
+            f"{where}: {' and '.join(tied)} are not identifiable separately: their effects are proportional in "
+            "these recordings; record a motion in which they differ"
         )
 
 

@@ -266,7 +266,8 @@ class Analysis:
         `periods` holds the mean period by participant and condition, empty if it is not stated. `conditions` lists all
         conditions, control first. Periods that the design does not allow raise an error.
         """
-        known = all((person, c) in periods for person in participants for c in conditions)
+        lacking = [person for person in participants if any((person, c) not in periods for c in conditions)]
+        known = not lacking
         orders = [tuple(periods[person, c] for c in conditions) for person in participants] if known else []
         if self.design == "parallel sessions":
             if any(len(set(order)) > 1 for order in orders):
@@ -276,28 +277,33 @@ class Analysis:
                 )
             return None
         if self.design:
-            self._require_orders(known, orders, participants, conditions)
+            self._require_orders(lacking, orders, participants, conditions)
         if not known:
             return None
         return SessionPeriods.of_conditions(np.array(orders, float), 0, list(conditions).index(compared))
 
     def _require_orders(
-        self, known: bool, orders: Sequence[tuple[float, ...]], participants: Sequence[str], conditions: Sequence[str]
-    ) -> None:
+        self, lacking: Sequence[str], orders: Sequence[tuple[float, ...]], participants: Sequence[str],
+        conditions: Sequence[str],
+    ) -> None:  # fmt: skip
         where = f'{self.where}, design = "{self.design}"'
         count = len(conditions)
         if (self.design == "AB/BA") != (count == 2):
             expected = "two" if self.design == "AB/BA" else "three or more"
             raise PellucidError(f"{where}: found {count} conditions ({', '.join(conditions)}), expected {expected}")
-        if not known:
+        if lacking:
             raise PellucidError(
-                f"{where}: found participants without a stated period, expected the period of every session"
+                f"{where}: found participants without a stated period ({', '.join(lacking[:3])}"
+                f"{', ...' * (len(lacking) > 3)}), expected one for every session: state period = 1, 2, ... in "
+                "[[recordings]], or name the column of periods in the analysis"
             )
         for person, order in zip(participants, orders, strict=True):
             if len(set(order)) < count:
                 raise PellucidError(f"{where}: found two conditions of {person} in one period, expected one each")
         if len({tuple(np.argsort(order)) for order in orders}) < 2:
-            raise PellucidError(f"{where}: found one order of conditions for everybody, expected different ones")
+            raise PellucidError(
+                f"{where}: found the same order of conditions for all participants, expected different orders"
+            )
 
     def deviations(self, registered: Analysis) -> tuple[str, ...]:
         """Return in what this analysis deviates from a `registered` one, in words; empty if in nothing."""
@@ -479,7 +485,9 @@ def margin_of(name: str, margin: float | tuple[float, float], relative: bool = T
     """
     index = INDICES.get(name)
     if relative and index is not None and index.percent_of is PercentOf.NOTHING_AT_ALL:
-        raise PellucidError(f"certify, {name}: found a share, expected a change in {index.unit}: it has no zero")
+        raise PellucidError(
+            f"certify, {name}: found a share, expected a change in {index.unit}: a share needs a natural zero"
+        )
     if isinstance(margin, (int, float)):
         if not margin > 0.0:
             raise PellucidError(f"certify, {name}: found the margin {margin:g}, expected one above 0")

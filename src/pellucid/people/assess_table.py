@@ -248,7 +248,9 @@ def assess_table(
             "max_left_out": max_left_out, "participant": participant, "condition": condition,
         }  # fmt: skip
         if twice := keywords_beside(assess_table, given):
-            raise PellucidError(f"assess: found analysis and {', '.join(twice)}, expected all of it in the analysis")
+            raise PellucidError(
+                f"assess: found analysis and {', '.join(twice)}, expected only analysis, which states them"
+            )
     else:
         stated = Analysis(
             margins=margins or {}, control=control or "", estimand=estimand, people=people, people_level=people_level,
@@ -404,7 +406,9 @@ def _cells(
     wanted = columns_with_role(roles, DesignRole.CELL_FACTOR) if factors is None else list(factors)
     clash = [name for name in wanted if name not in design]
     if clash:
-        raise PellucidError(f"assess: found {', '.join(clash)} among indices and factors, expected it in one of both")
+        raise PellucidError(
+            f"assess: found {', '.join(clash)} both as index and as factor, expected one use of each column"
+        )
     used, notes, parts, alike = [], [], [], False
     for name in wanted:
         levels = [_level(name, row, value) for row, value in enumerate(design[name])]
@@ -481,7 +485,8 @@ def _periods_of_sequences(
         text = str(value).strip()
         if told.setdefault(person, text) != text:
             raise PellucidError(
-                f"assess, column {name}: found {told[person]!r} and {text!r} of {person}, expected one sequence"
+                f"assess, column {name}: found {told[person]!r} and {text!r} for {person}, "
+                "expected one sequence for each participant"
             )
     for person, text in told.items():
         names = re.split(r"[\s,;>/-]+", text)

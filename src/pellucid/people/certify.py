@@ -114,7 +114,7 @@ def certify(
             "people_level": people_level, "later": later, "largest_carry_over": largest_carry_over,
         }  # fmt: skip
         if keywords_beside(certify, given):
-            raise PellucidError("certify: found analysis and other keywords, expected all of it in the analysis")
+            raise PellucidError("certify: found analysis and other keywords, expected only analysis, which states them")
         return _of_table(values, Analysis.of(analysis), compared)
     if not isinstance(values, Mapping) or not margins:
         raise PellucidError(

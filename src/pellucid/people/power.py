@@ -453,8 +453,8 @@ def equivalence_power(
     moved = np.zeros(m) if change is None else np.asarray(change, float)
     if covariance.shape != (m, m) or moved.shape != (m,) or not m:
         raise PellucidError(
-            f"equivalence power: found a covariance of shape {covariance.shape} and {moved.shape} changes, expected "
-            f"those of {m} end points"
+            f"equivalence power: found a covariance of shape {covariance.shape} and changes of shape {moved.shape}, "
+            f"expected ({m}, {m}) and ({m},): one row and one change for each of the {m} margins"
         )
     if method not in (None, "skew_robust", "signed_rank", "t"):
         raise PellucidError(f"equivalence power: found the method {method!r}, expected skew_robust, signed_rank or t")

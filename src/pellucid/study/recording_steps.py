@@ -548,7 +548,7 @@ def _read_samples(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:
     if less is not None and len(less) != len(stored) and min(len(less), len(stored)) != 1:
         raise RecordingError(
             f"{columns.path.name}: channel {name}: column {spec.column!r} has {len(stored)} samples, column "
-            f"{spec.minus.column!r}, which is taken off it, {len(less)}; expected as many"
+            f"{spec.minus.column!r}, which is subtracted from it, {len(less)}; expected equal numbers"
         )
     if spec.wrap_bits is not None and np.isfinite(stored).any():
         known = stored[np.isfinite(stored)][:: max(1, len(stored) // MAX_COUNTS_EXAMINED)]

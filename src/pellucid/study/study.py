@@ -230,7 +230,7 @@ def _require_own_results(out: Path, folder: Path, name: str) -> None:
     if out.resolve() == folder.resolve():
         return
     if (out / STUDY_FILE).exists():
-        raise StudyError(f"{out}: found a study of its own, expected a folder for what is found of {folder}")
+        raise StudyError(f"{out}: found another study, expected a folder for the results of {folder}")
     try:
         rows = read_rows(out / RESULTS_FILE) if (out / RESULTS_FILE).is_file() else []
     except RecordingError:

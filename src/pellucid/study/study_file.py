@@ -833,7 +833,7 @@ class Stream(StudyTable):
         if self.join and not both and "auto" in (self.offset, self.drift):
             raise ValueError(
                 'found join = true with neither position nor the drive among its channels: expected offset = "... s" '
-                "and drift = 0, since nothing in it tells them"
+                "and drift = 0, which this stream does not identify"
             )
         return self
 
@@ -1062,7 +1062,7 @@ class RecordingEntry(StudyTable):
         if self.files is not None and (self.optical is not None or self.streams):
             what = f'optical = "{self.optical}"' if self.optical is not None else "streams"
             raise ValueError(
-                f'found {what} with files = "{self.files}", expected file: each recording has files of its own for them'
+                f'found {what} with files = "{self.files}", expected file: state one file for each recording'
             )
         spans = [("window", self.window)] if self.window is not None else []
         for key, (start, stop) in [*spans, *(("exclude", span) for span in self.exclude)]:
@@ -1242,7 +1242,7 @@ class StudyFile(StudyTable):
         if open_clocks and (alone or self.rail is not None or any(joint.drive is None for joint in self.rig.joints)):
             raise ValueError(
                 f'[streams.{open_clocks[0]}] found join = true without offset = "... s" and drift = 0, expected both: '
-                "they are found only where a joint with friction is identified"
+                "only a study that identifies one joint with friction estimates them"
             )
         return self
 

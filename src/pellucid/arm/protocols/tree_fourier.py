@@ -270,7 +270,7 @@ def random_tree_fourier(
             continue  # not even nearly still: what holds it there, or the arm itself, is in the way
         return series
     raise PellucidError(
-        "excitation: found no place about which the joints may move within their limits, of 200 drawn; expected one: "
+        "excitation: found no centre of motion within the limits of the joints among 200 random ones, expected one: "
         + (limits.passed(*(x[None, :] for x in (centre, 0.0 * centre, 0.0 * centre))) or "give larger limits")
     )
 

@@ -19,7 +19,7 @@ HEAD_TEXT = """# {robot}: {count} joints, all identified at once.
 name = "{name}"
 
 [tree]
-urdf = "robot.urdf"                 # copied from {file}; its bodies are a start and a comparison, not what is found
+urdf = "robot.urdf"                 # copied from {file}; its bodies are initial values and a comparison
 # gravity = [0, 0, -1]              # in the base's frame; change it for a robot on a wall or a ceiling
 # velocity_width = "0.02 rad/s"     # friction takes tanh(velocity / this) for the velocity's sign
 # effort_lowpass = "10 Hz"          # where efforts need another low-pass than motion
@@ -56,7 +56,7 @@ CHANNELS_TEXT = """
 [channels]                          # a column's name, or its number from 0 in files without a header
 time = {{ column = 0, unit = "s" }}   # also "ms" or "ns"; time = {{ rate = "1 kHz" }} where there is no such column
 {channels}
-# Where the controller says them, the drives' gains can be told from these, with [tree] gains = "desired":
+# If the controller logs them, these identify the drives' gains, with [tree] gains = "desired":
 # desired_current.{name} = {{ column = {next}, unit = "A" }}
 # desired_torque.{name} = {{ column = {after}, unit = "N*m" }}
 

@@ -62,7 +62,7 @@ def elbow_values(
         raise PellucidError(f'export of {study.name}: found the controller "{controller}", expected one of {known}')
     named = ELBOW_CONTROLLERS[controller]
     if exponents is not None and not named.exponents:
-        raise PellucidError(f'export of {study.name}: found exponents, expected none: "{controller}" has none')
+        raise PellucidError(f'export of {study.name}: found exponents, expected none: only "fc" and "pcfr" have them')
     path = study.card(named.card)
     if study.rig.slider is None and not path.is_file():
         raise PellucidError(
@@ -174,7 +174,7 @@ def _body(study: Study, place: float) -> tuple[Mapping[str, float] | None, float
 def _limb(study: Study, controller: str, named: ElbowController, participant: str | None) -> dict[str, Segment]:
     if not named.wearer:
         raise PellucidError(
-            f'export of {study.name}: found a participant, expected none: "{controller}" is the same for everybody'
+            f'export of {study.name}: found a participant, expected none: "{controller}" does not depend on the wearer'
         )
     people = study.config.participants
     if participant not in people:

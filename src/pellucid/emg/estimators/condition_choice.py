@@ -163,7 +163,7 @@ def recommend(found: Mapping[str, ConditionTestErrors]) -> Recommendation:
     finite = np.isfinite([each.weighted_rmse or each.rmse for each in found.values()])
     whole = np.flatnonzero(finite.all(axis=0))
     if not len(whole):
-        raise IdentificationError(f"choice: found no test in which {', '.join(found)} all predict, expected one")
+        raise IdentificationError(f"choice: found no test recording that {', '.join(found)} all predict, expected one")
     if not all(each.errors for each in found.values()):
         means = {n: float(np.mean(np.square(each.weighted_rmse or each.rmse)[whole])) for n, each in found.items()}
         return Recommendation({min(means, key=lambda name: means[name]): 1.0})

@@ -139,8 +139,8 @@ def find_driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]
     first = trials[0]
     if first.unit != "N*m":
         raise IdentificationError(
-            f"trial {first.name}: found the torque in shares of a maximal contraction, expected N*m, which muscles "
-            "pull: [emg_torque.largest_moment] says what the maximal contraction reached"
+            f"trial {first.name}: found the torque in shares of a maximal contraction, expected N*m: state the torque "
+            "of that contraction in [emg_torque.largest_moment]"
         )
     muscles = first.known_muscles
     found = [t.known_muscles.driven(t.joint, t.envelopes) for t in trials]
@@ -221,7 +221,7 @@ def make_muscle_samples_across(
     worst = max(trials, key=lambda t: abs(t.fs - fs))
     # Trials share one period. An error of some percent in the rate changes a lag by as much, within its uncertainty.
     if abs(worst.fs - fs) > 0.15 * fs:
-        raise IdentificationError(f"trial {worst.name}: found {worst.fs:.4g} Hz, expected about {fs:.4g} Hz as others")
+        raise IdentificationError(f"trial {worst.name}: found a rate of {worst.fs:.4g} Hz, expected about {fs:.4g} Hz")
     parts, own, starts, at = [], [], [], 0
     for same in zip(*across.values(), strict=True):
         part, lead = _recording_samples(same, muscles, causal, round(ahead * fs))

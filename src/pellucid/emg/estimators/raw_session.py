@@ -106,7 +106,7 @@ def _channel_properties(x: np.ndarray, fs: float) -> tuple[np.ndarray, np.ndarra
     k, n = x.shape
     if n < RAW_LIMITS.min_recording_s * fs:
         raise IdentificationError(
-            f"raw channels: found {n / fs:.2g} s, expected at least {RAW_LIMITS.min_recording_s:g} s of each"
+            f"raw channels: found {n / fs:.2g} s of raw EMG, expected at least {RAW_LIMITS.min_recording_s:g} s of each"
         )
     x = x - x.mean(axis=1, keepdims=True)
     rails = np.array([_saturated_share(each) for each in x])

@@ -267,8 +267,8 @@ class EnvelopeFiller:
         unknown = [channel for channel in lost if channel not in self.channels]
         if unknown or set(lost) >= set(self.channels):
             raise IdentificationError(
-                f"filling in {', '.join(lost)}: found EMG of {', '.join(self.channels)} in what is fitted, expected "
-                f"{', '.join(unknown) or 'one more'} there"
+                f"filling in {', '.join(lost)}: found EMG of {', '.join(self.channels)} in the fitted recordings, "
+                f"expected {', '.join(unknown) or 'one more channel'} there"
             )
         seen, shared = [i for i, name in enumerate(self.channels) if name not in lost], _any_joint_trial(trial)
         x = np.column_stack([shared.envelopes[n] if n not in lost else np.zeros(len(shared)) for n in self.channels])

@@ -199,8 +199,8 @@ def write_osim(path: Path, source: Path, remark: MuscleRemark) -> Path:
     if lacking:
         raise RecordingError(
             f"{source.name}: found the muscles {', '.join(list(known)[:40])}, expected "
-            f"{', '.join(map(visible_text, lacking))} too: say what the model calls the study's muscles in "
-            "[emg_torque] muscle_names"
+            f"{', '.join(map(visible_text, lacking))} too: state the model's names of the study's muscles "
+            "in [emg_torque] muscle_names"
         )
     content = without_remark(read_given(source))
     wanted = {remark.names[m.name]: osim_numbers(m) for m in remark.muscles.muscles}

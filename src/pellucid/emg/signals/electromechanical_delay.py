@@ -104,7 +104,7 @@ def electromechanical_delay(
     reach = round(DELAY_SEARCH.max_s * fs)
     if len(x) < DELAY_SEARCH.block_count * DELAY_SEARCH.min_block_s * fs:
         raise RecordingError(
-            f"electromechanical_delay: found {len(x) / fs:.3g} s, expected at least "
+            f"electromechanical_delay: found {len(x) / fs:.3g} s of envelope and torque, expected at least "
             f"{DELAY_SEARCH.block_count * DELAY_SEARCH.min_block_s:g} s"
         )
     sums = _block_sums(x, y, reach)
@@ -116,7 +116,7 @@ def electromechanical_delay(
         raise RecordingError(
             f"electromechanical_delay: found a largest correlation of {largest:.2g} at {(best - reach) / fs:.3g} s"
             f"{where}, expected one of at least {DELAY_SEARCH.min_correlation:g} within {DELAY_SEARCH.max_s:g} s: "
-            "no delay can be told"
+            "the delay is not identifiable"
         )
     sign = np.sign(correlation[best])
     value = _peak(sign * correlation, reach, fs)

@@ -249,11 +249,13 @@ def _require(time: np.ndarray, samples: np.ndarray, fs: float) -> None:
     low, high = ONSET_SEARCH.bandpass_hz
     if not fs > 2.0 * high:
         raise RecordingError(
-            f"found a rate of {fs:.4g} Hz, expected raw EMG at more than {2.0 * high:g} Hz: onset is found between "
+            f"found a rate of {fs:.4g} Hz, expected raw EMG at more than {2.0 * high:g} Hz: onset is detected between "
             f"{low:g} and {high:g} Hz"
         )
     if time[-1] - time[0] < 2.0 * ONSET_SEARCH.rest_s:
-        raise RecordingError(f"found {time[-1] - time[0]:.3g} s, expected at least {2.0 * ONSET_SEARCH.rest_s:g} s")
+        raise RecordingError(
+            f"found {time[-1] - time[0]:.3g} s of EMG, expected at least {2.0 * ONSET_SEARCH.rest_s:g} s"
+        )
     if np.min(samples) >= 0.0:
         raise RecordingError("found no sample below 0, as in an envelope, expected raw EMG")
 

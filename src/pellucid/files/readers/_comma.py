@@ -166,13 +166,13 @@ def two_readings(column: CommaEvidence) -> str:
     if column.comma and column.point:
         return (
             f'holds a comma {TWO_READINGS}: "{column.comma}" has a decimal comma and "{column.point}" a decimal point; '
-            "expected one of both throughout"
+            "expected the same decimal mark throughout"
         )
     text = column.either
     mark, name, decimal = (",", "comma", "decimal comma") if "," in text else (".", "full stop", "decimal point")
     return (
         f'holds a {name} {TWO_READINGS}: "{text}" is {text.replace(",", ".")} with a {decimal} and '
-        f"{text.replace(mark, '')} with a {name} between thousands; nothing in the file tells which"
+        f"{text.replace(mark, '')} with a {name} between thousands; the file does not decide which"
     )
 
 

@@ -420,7 +420,9 @@ def joint_posterior(estimate: JointEstimate, data: Stack[Motion], **sampling) ->
         statistical = statistical + estimate.discrepancy.explained
     lacks = neglected_columns(model.names, values, jacobian, residual, states, statistical)
     if lacks is None:
-        raise IdentificationError("too few samples move, or nothing is left over, to tell the noise")
+        raise IdentificationError(
+            "found too few samples in motion or no residual, expected enough of both to estimate the noise"
+        )
     # Parameters are scaled to the effort that they produce.
     free, scale = np.flatnonzero(lacks.free), lacks.scale
     lower, upper = (bound[free] * scale for bound in model.bounds())

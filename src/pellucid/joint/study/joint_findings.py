@@ -310,7 +310,7 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float, payl
         sentence += f" By its weight, its angle reads {-np.degrees(each.turned):+.1f} deg against theirs."
         do = f"Check the encoder's zero in {which}: an offset in that recording's channels corrects it"
     elif np.isfinite(each.scale) and abs(each.scale - 1.0) > FINDING_THRESHOLDS.min_scale_difference:
-        sentence += f" Its effort is {each.scale:.3g} times what the others' model asks for."
+        sentence += f" Its effort is {each.scale:.3g} times the effort predicted by the model of the others."
         do = f"Check the drive's unit, scale and sign in {which}"
     elif is_one_file:
         return Verdict("wrong", sentence, ONE_FILE_ADVICE, weight=weight)
@@ -405,9 +405,10 @@ def report_estimators_disagree(case: JointCase) -> Iterator[Verdict]:
             for name, methods in apart.items()
         )
         text = (
-            f"Estimators disagree by more than their intervals: {differences_text}. The model is not the whole truth, "
+            f"Estimators disagree by more than their intervals: {differences_text}. The model lacks an effect, "
         )
-        text += "and each weighs what it misses differently. The headline's intervals contain the better estimates."
+        text += "and each estimator weighs that error differently. "
+        text += "The headline's intervals contain the better estimates."
         yield Verdict("warning", f"{text} {_used(case, involved)}", _advice(case), weight=10.0)
     elif choice.method != "ls":
         text = f"Ordinary least squares predicts worse than {METHODS[choice.method]} in cross-validation."
@@ -1011,8 +1012,8 @@ def report_weak_parameter(case: JointCase) -> Iterator[Verdict]:
         if parameter.at_bound:
             yield Verdict(
                 "note",
-                f"{name} is held at its physical bound ({parameter.value:.3g} {parameter.unit}): there is none to "
-                "see, or the model misses something that pushes it there.",
+                f"{name} is held at its physical bound ({parameter.value:.3g} {parameter.unit}): the effect "
+                "is absent, or the model lacks another effect that biases it.",
             )
         elif (
             not parameter.identifiable

@@ -364,8 +364,9 @@ def _estimators_words(family: FamilyFit) -> str:
     present = {family.estimate.method, *family.others}
     does = [text for methods, text in ESTIMATOR_EXPLANATIONS if present & set(methods)]
     return (
-        f"They weigh the same misfit differently: {', '.join(does[:-1])}{', and ' if len(does) > 1 else ''}{does[-1]}; "
-        "where friction is not quite what the model says, they need not agree."
+        "The estimators weigh the same residuals differently: "
+        f"{', '.join(does[:-1])}{', and ' if len(does) > 1 else ''}{does[-1]}; "
+        "where real friction differs from the model, their results can differ."
     )
 
 

@@ -23,7 +23,7 @@ from ...study.study import Study
 
 NO_MOTION_VERDICT = Verdict(
     "note",
-    "The joint was only held: its weight is found, inertia and viscous friction are not.",
+    "The joint was only held: postures identify its weight, not its inertia and viscous friction.",
     "Record a motion for those.",
 )
 """What no posture shows."""
@@ -45,7 +45,7 @@ def posture_faults(study: Study) -> list[Fault]:
     """Return the faults of recordings that are only postures, and a note on what they can show."""
     faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
     found = f"{len(study.recordings())} recordings in which the joint is held"
-    wanted = "a motion, for inertia and friction; from postures only the weight is found"
+    wanted = "a motion, for inertia and friction; postures identify only the weight"
     files = ", ".join(recording.path.name for recording in study.recordings()[:3])
     message = f"{files}, channel position: found {found}, expected {wanted}"
     try:

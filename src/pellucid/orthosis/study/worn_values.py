@@ -59,8 +59,8 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
         f"For the wearer {wearer} only, whose limb and strap it uses.",
         f"The loop has margins of {gain} and {delay} with straps {1 - STRAP_FACTORS[0]:.0%} softer and "
         f"{STRAP_FACTORS[-1] - 1:.0%} stiffer than identified.",
-        f"It comes to rest with {1 - INERTIA_FACTORS[0]:.0%} less and {INERTIA_FACTORS[-1] - 1:.0%} more inertia of "
-        "the orthosis, also at its rate limit.",
+        f"In simulation the motion also settles with {1 - INERTIA_FACTORS[0]:.0%} less and "
+        f"{INERTIA_FACTORS[-1] - 1:.0%} more inertia of the orthosis, and when the effort reaches its rate limit.",
         "In 40 simulated runs behind a spring, the supervisor detected a drive with three times the effort in 38 (up "
         "to 3.5 J). It detected a drive with 20 ms of latency in none (4 J). Keep an emergency stop within reach.",
         "joint is the motor's encoder, where the robot has one: it measures the energy that the motor returns.",
@@ -111,6 +111,10 @@ def _actuator(study: Study) -> tuple[dict[str, float], float]:
     return {n: x for n, x in card.values.items() if n in known} | {"delay": DEAD_TIME_SAMPLES * period}, period
 
 
+JOINT_OPTIONS = ("card", "slider", "controller", "exponents", "load", "held")
+"""Options of `export` that only a single joint has."""
+
+
 class WornExporter(LawExporter):
     """The residual compensator of an orthosis and its wearer."""
 
@@ -124,9 +128,10 @@ class WornExporter(LawExporter):
 
     def values(self, request: ExportRequest) -> ControllerValues:
         """Return the numbers of the law."""
-        options = (request.card, request.slider, request.controller, request.exponents, request.load, request.held)
-        if any(given is not None for given in options):
+        options = [name for name in JOINT_OPTIONS if getattr(request, name) is not None]
+        if options:
             raise PellucidError(
-                f"export of {request.study.name}: found a joint's card, carriage or controller, expected none"
+                f"export of {request.study.name}: found {', '.join(options)}, expected none: a worn orthosis has one "
+                "controller, from its own model cards"
             )
         return worn_values(request.study, participant=request.participant, period=request.period)

@@ -631,16 +631,16 @@ def _require_regular(experiment: Experiment, jacobian: np.ndarray) -> None:
     n, m = experiment.poles, experiment.zeros
     scale = np.linalg.norm(jacobian, axis=0)
     if not np.isfinite(scale).all() or np.any(scale == 0.0):
-        raise IdentificationError(f"{_names(experiment)}: a coefficient changes nothing in the response")
+        raise IdentificationError(f"{_names(experiment)}: a coefficient has no effect on the response")
     _, singular, rows = np.linalg.svd(jacobian / scale, full_matrices=False)
     if singular[-1] > SINGULAR_VALUE_TOLERANCE * singular[0]:
         return
     share = np.abs(rows[-1])
     tied = [name for name, s in zip(coefficient_names(n, m), share, strict=False) if s > 0.1 * share.max()]
     raise IdentificationError(
-        f"{_names(experiment)}: {', '.join(tied) or 'initial states'} cannot be told apart (condition number above "
-        f"{1 / SINGULAR_VALUE_TOLERANCE:.0e}): a pole cancels a zero, or the input is too poor for {n} poles "
-        f"and {m} zeros"
+        f"{_names(experiment)}: {', '.join(tied) or 'initial states'} are not identifiable separately "
+        f"(condition number above {1 / SINGULAR_VALUE_TOLERANCE:.0e}): a pole cancels a zero, or the input excites too "
+        f"few frequencies for {n} poles and {m} zeros"
     )
 
 

@@ -464,7 +464,10 @@ def _result_at(
     if np.any(scale == 0.0) or singular[1][-1] <= SINGULAR_VALUE_TOLERANCE * singular[1][0]:
         share = np.abs(singular[2][-1])[:k]
         tied = [n for n, s in zip(problem.names, share, strict=True) if s > 0.1 * share.max()]
-        raise IdentificationError(f"{_names(problem.records)}: {', '.join(tied)} cannot be told apart")
+        raise IdentificationError(
+            f"{_names(problem.records)}: {', '.join(tied)} are not identifiable separately: their effects "
+            "are proportional; record larger or faster motion, or state one of them"
+        )
     covariance = sandwich_covariance(jacobian, -residual, problem.lengths)[:k, :k]
     # The first-order estimate of all parameters without bounds.
     wanted = x[:k] - (np.linalg.lstsq(jacobian / scale, residual, rcond=None)[0] / scale)[:k]

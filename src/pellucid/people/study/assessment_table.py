@@ -154,7 +154,9 @@ class AssessmentTable(ProcedureTable):
             raise ValueError(f"segment: found {list(self.segment)}, expected two markers, the proximal one first")
         both = set(self.agonists) & set(self.antagonists)
         if both:
-            raise ValueError(f"found {', '.join(sorted(both))} among agonists and antagonists, expected one of both")
+            raise ValueError(
+                f"found {', '.join(sorted(both))} as agonist and antagonist, expected each muscle in one list"
+            )
         return self
 
     def require_in(self, config: StudyFile) -> None:

@@ -128,7 +128,9 @@ def posterior_verdicts(
     prior = [_named(one) for one in compared if one.drawn.told_by_prior]
     if prior:
         verb = "is" if len(prior) == 1 else "are"
-        yield Verdict("note", f"{head}In the posterior {', '.join(prior)} {verb} told by the prior, not by the data.")
+        yield Verdict(
+            "note", f"{head}In the posterior {', '.join(prior)} {verb} determined by the prior, not by the data."
+        )
     if posterior.pairs:
         pairs_text = ", ".join(f"{a} and {b} ({r:+.2f})".replace("_", " ") for a, b, r in posterior.pairs)
         yield Verdict("note", f"{head}Correlated parameters in the posterior: {pairs_text}.")

@@ -279,7 +279,10 @@ def _headline(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[
             f"the {FILLING_METHODS[way]} and {assisted:.2f} by EMG-assisted muscles"
         )
     if not sentences:
-        return f"Activations of {len(recordings)} recordings; no electrode could be removed to test them."
+        return (
+            f"Activations of {len(recordings)} recordings, without a test: no channel has the name of a muscle that it "
+            "drives, or [activations] lost lists all such channels."
+        )
     return "; ".join(sentences) + " (median)."
 
 

@@ -202,7 +202,7 @@ def verdicts(looks: Mapping[str, FirstLook], unseen: Mapping[str, str], channels
             yield Verdict("note", f"Before any model ({look.name}): {note}.")
     for name, reason in unseen.items():
         if name.startswith(PROTOCOL):
-            yield Verdict("warning", f"Before any model ({name}): noise and distortion not told apart. {reason}.")
+            yield Verdict("warning", f"Before any model ({name}): noise and distortion are not separated. {reason}.")
 
 
 def _times(ratio: float) -> str:
@@ -234,7 +234,7 @@ def rows(head: str, looks: Mapping[str, FirstLook], checksums: Mapping[str, str]
     for look in looks.values():
         found, own = look.found, checksums[look.recordings[0]] if len(look.recordings) == 1 else None
         if not look.periodic:
-            note = "local polynomials, where the input excites; noise and distortion are not told apart"
+            note = "local polynomials, where the input excites; noise and distortion are not separated"
             yield ResultRow(f"{head}.local_response.{look.name}", found.fit, "%", "identify", "fitted", own, note)
             continue
         note = (

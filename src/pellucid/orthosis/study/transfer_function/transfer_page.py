@@ -143,8 +143,8 @@ def output_lines(look: FirstLook, label: tuple[str, float]) -> Drawing:
         f"lines-{look.name}".replace(".", "-"),
         figure,
         f"{look.name.replace('_', ' ')}: the output's sines. Where nothing is excited only noise and "
-        "distortion are left: at even lines that of even powers, such as friction that differs by direction, at odd "
-        "ones that of odd powers, such as Coulomb friction or sin q. What noise makes there is taken off.",
+        "distortion remain. Even lines show distortion of even order, such as friction that differs by direction. Odd "
+        "lines show that of odd order, such as Coulomb friction or sin q. The share of noise is subtracted.",
     )
 
 
