@@ -17,12 +17,14 @@ NOBODYS = {"kind", "robot", "emg", "force_sensor", "cameras"}
 
 
 def hashed(kind: str, what: str) -> str:
-    """Of tables by name, or of a header without comments and spaces."""
+    """Return the hash of tables by name, or of a header without comments, descriptions and spaces."""
     if kind == "numbers":
         tables = elbow_people().tables
         text = json.dumps({name: tables[name] for name in what.split(", ")}, sort_keys=True)
     else:
-        text = re.sub(r"//.*|\s", "", (ROOT / what).read_text(encoding="utf-8"))
+        source = (ROOT / what).read_text(encoding="utf-8")
+        bare = re.sub(r'"([^"\n]*)"', lambda found: '""' if " " in found[1] else found[0], source)
+        text = re.sub(r"//.*|\s", "", bare)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

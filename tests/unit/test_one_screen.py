@@ -26,6 +26,7 @@ SHORT_LOOPS = {
     "demo": "four chapters",
     "commission": "a line for each number that was measured, of which there are a few",
     "try_files": "two or three lines before a table that has a bound of its own",
+    "plan": "next steps of an answer, of which there are a few",
     "rank": "a table for each of four tasks, each with a bound of its own",
 }
 """Functions of the command line that print in a loop whose length is bounded by what it goes over."""

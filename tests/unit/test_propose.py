@@ -178,7 +178,7 @@ ARGUMENTS = {
     "unknown column": ((swung(800),), {"units": {"p": "deg"}}, "units: found the column 'p', expected one of q, t"),
     "rate": ((swung(800),), {"rate": "fast"}, "propose: rate: found 'fast', expected a sampling rate in Hz"),
     "no rate": ((swung(800),), {"rate": -1.0}, "propose: rate: found -1.0, expected a sampling rate"),
-    "other rate": ((swung(800),), {"rate": 100}, 'rate: found 100 Hz, but the column "t" gives 200 Hz, expected the same rate'),
+    "other rate": ((swung(800),), {"rate": 100}, 'found 100 Hz, but the column "t" gives 200 Hz, expected'),
     "answers": ((swung(800),), {"answers": "worn"}, "propose: answers: found str, expected a mapping"),
     "urdf": ((swung(800),), {"urdf": 3}, "propose: urdf: found int, expected a path"),
 }

@@ -68,7 +68,7 @@ def test_a_full_disk_leaves_figures_and_pages_as_they_were(tmp_path, full_disk, 
 
 def test_nothing_is_written_but_whole():
     """Only `_atomic.py` opens a file for writing; what goes into a scratch folder is nobody's result."""
-    scratch = {"_atomic.py": 1, "study/exporter.py": 1, "study/datasets/init.py": 1,
+    scratch = {"_atomic.py": 1, "study/exporter.py": 1, "study/datasets/init.py": 1, "controllers/export/fmu.py": 1,
                "pellucid_lab/ranking/foreign_cost.py": 1}  # fmt: skip
     # A live session's log is appended to while its process runs; its region and rings are memory that
     # processes share, of a fixed size and written in place. None is read as a result. A recording is appended to, and
