@@ -105,7 +105,7 @@ def test_a_straight_line_is_scipys():
 def test_the_paragraph_says_what_was_found_and_what_was_not(whole):
     said = whole.found.paragraph
     assert "6 participants made 480 movements in 4 conditions (Ctrl, FC, PCFr, CLPC; control: Ctrl)" in said
-    assert "Nemenyi's test told Ctrl from PCFr (p = 0.0" in said
+    assert "Nemenyi's test distinguished Ctrl from PCFr (p = 0.0" in said
     assert "s in FC (+" in said
     assert "95 % CI" in said
     assert "A condition without a significant difference from Ctrl is not thereby equal to it" in said

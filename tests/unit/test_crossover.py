@@ -107,7 +107,7 @@ def test_arrays_and_tables_tell_the_same_adjusted_change(rng):
     assert by_table.estimate == pytest.approx(by_arrays.estimate, abs=1e-12)
     assert by_table.interval == pytest.approx(by_arrays.interval, abs=1e-12)
     assert (by_table.p_within, by_table.p_beyond) == (by_arrays.p_within, by_arrays.p_beyond)
-    with pytest.raises(PellucidError, match="found later of 3 participants"):
+    with pytest.raises(PellucidError, match="found later for 3 participants"):
         pl.certify({"duration": (free, worn)}, {"duration": 0.10}, later=[1.0, -1.0, 1.0])
 
 

@@ -465,7 +465,7 @@ def test_a_joint_with_a_carriage_says_where_it_is(study):
     ("given", "said"),
     [
         ({"to": "rust"}, 'found to = "rust", expected "c"'),
-        ({"participant": "S1"}, "nobody wears this joint"),
+        ({"participant": "S1"}, "the joint is not worn"),
         ({"period": 0.0}, "expected one above 0"),
         ({"card": "other.json"}, "no such model card"),
         ({"slider": 0.2}, "this joint has no carriage"),

@@ -86,7 +86,7 @@ def test_a_standard_error_that_is_no_number_is_no_answer(rng, monkeypatch):
 
 def test_what_does_not_fit_is_refused(rng):
     value, who, under, trial = movements(rng)
-    with pytest.raises(PellucidError, match="as many numbers"):
+    with pytest.raises(PellucidError, match="expected equal ones without NaN"):
         mixed_model(value, who, under, {"trial": trial[1:]})
     with pytest.raises(PellucidError, match="without control or condition"):
         mixed_model(value[under], who[under], under[under], {})

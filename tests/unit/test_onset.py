@@ -93,7 +93,7 @@ def test_rest_may_be_named():
         (lambda t, x: (t[::4], x[::4]), "expected raw EMG at more than 600 Hz"),
         (lambda t, x: (t[:900], x[:900]), "expected at least 1 s"),
         (lambda t, x: (t, 1e-5 * np.random.default_rng(0).standard_normal(len(x))), "with rest and with activity"),
-        (lambda t, x: (t, np.where((t > 2.0) & (t < 2.4), x, 0.0)), "a rest without any signal"),
+        (lambda t, x: (t, np.where((t > 2.0) & (t < 2.4), x, 0.0)), "no signal during rest"),
     ],
 )
 def test_what_shows_no_onset_is_refused(change, said):

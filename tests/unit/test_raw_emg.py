@@ -83,7 +83,7 @@ def test_channels_of_other_types_are_left_out_and_muscles_have_their_names(tmp_p
     assert (found.muscles, found.mains) == (("soleus",), 50.0)
     assert found.samples[:, 0] == pytest.approx(1e-3 * x, abs=1e-7)
     path.with_suffix(".json").write_text('{"SamplingFrequency": 2000}')
-    with pytest.raises(RecordingError, match=r"found 1000 Hz, expected 2000 Hz as its emg\.json says"):
+    with pytest.raises(RecordingError, match=r"found a rate of 1000 Hz, expected 2000 Hz as in its emg\.json"):
         pl.RawEmg.from_bids(path)
 
 

@@ -44,6 +44,11 @@ def test_a_fault_is_counted_over_its_valid_runs():
     assert (drift.hidden, drift.detected, drift.median, drift.latest) == (True, 0, None, None)
 
 
+def test_every_fault_has_a_sentence_of_its_own():
+    faults = {(each.robot, each.sentence, each.fault) for each in MEASURED.faults}
+    assert len({(robot, sentence) for robot, sentence, _ in faults}) == len(faults)
+
+
 def test_results_are_read_as_they_were_written(tmp_path):
     row = ResultRow("safety.unsafe", 0.0, "1", "evidence", "simulated", None, "a note")
     results = Results((row,), figures(trial("drive_dead"), trial("encoder_drift", NEVER)))
@@ -65,14 +70,14 @@ def test_a_rate_has_its_exact_interval(detected, runs, words):
 
 
 def test_the_explanation_keeps_what_stands_around_its_table():
-    made = [FaultFigure(robot, "drive_dead", "the drive gives nothing", False, 0.0, 10, 8, 8, 0.005, 0.9, 0.06)
+    made = [FaultFigure(robot, "drive_dead", "the drive gives no effort", False, 0.0, 10, 8, 8, 0.005, 0.9, 0.06)
             for robot in ("drive_measured", "unmeasured")]  # fmt: skip
     text = f"before\n{page.BEGIN_MARK}\nold\n{page.END_MARK}\nafter\n"
     written = page.with_table(text, Results((), tuple(made)))
     assert written.startswith("before\n")
     assert written.endswith("\nafter\n")
     assert "old" not in written
-    assert "| the drive gives nothing | 5 ms, 0.06 J | 5 ms, 0.06 J |" in written
+    assert "| the drive gives no effort | 5 ms, 0.06 J | 5 ms, 0.06 J |" in written
 
 
 def test_the_pages_show_the_results():

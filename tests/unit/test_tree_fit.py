@@ -130,7 +130,7 @@ def test_a_family_that_does_not_fit_is_refused():
     motion = motion_of(robot, FRICTION, n=400)
     with pytest.raises(IdentificationError, match="found friction term 'sticky', expected some of viscous"):
         fit_tree(robot, [motion], [("sticky",)] * 4)
-    with pytest.raises(IdentificationError, match="its motor turns with it alone"):
+    with pytest.raises(IdentificationError, match="its motor drives only this joint"):
         fit_tree(robot, [motion], [("viscous", "motor_coulomb")] * 4)
     with pytest.raises(IdentificationError, match="found 1 friction families, expected one for each of 4 joints"):
         fit_tree(robot, [motion], [("viscous",)])

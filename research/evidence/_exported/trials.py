@@ -70,8 +70,8 @@ SINE_AMPLITUDES_NM = (1.5, 3.0, 5.0)
 EXTRA_KINDS: Mapping[str, FaultKind] = {
     kind.name: kind
     for kind in (
-        FaultKind("drive_double", "drive", "the drive gives twice the effort, and says so", "", False, False, ""),
-        FaultKind("drive_sine", "drive", "the drive adds a sine of 2.5 Hz, and says so", "", False, False, ""),
+        FaultKind("drive_double", "drive", "the drive gives twice the effort and reports it", "", False, False, ""),
+        FaultKind("drive_sine", "drive", "the drive adds a sine of 2.5 Hz and reports it", "", False, False, ""),
     )
 }
 """Faults that the core's list does not have."""

@@ -107,7 +107,7 @@ def partial_compensation(card: SliderCard, slider: float, **settings) -> Control
 def _sets(card: SliderCard, families: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
     model = card.model()
     if card.family not in families or not isinstance(model, DirectionalSliderModel):
-        raise PellucidError(f'card {card.family}: expected one of "{families[0]}", as this law has it')
+        raise PellucidError(f'found the model card of the family "{card.family}", expected "{families[0]}"')
     return model.up, model.down
 
 

@@ -46,7 +46,7 @@ def transparent(
     """
     model = card.model()
     if not isinstance(model, SliderJointModel):
-        raise PellucidError(f"card {card.family}: found a model by direction, expected one coherent body")
+        raise PellucidError(f"card {card.family}: found one model for each direction, expected one model for both")
     values = np.array([carried(p) for p in card.parameters])
     body = dict(zip(NAMES, model.vector(values, slider, velocity_width), strict=True))
     return of_body(

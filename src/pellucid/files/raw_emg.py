@@ -177,7 +177,9 @@ class RawEmg:
             raise RecordingError(f"{path.name}: found EMG at {rates} Hz, expected one rate for all its channels")
         stated = sidecar.get("SamplingFrequency")
         if isinstance(stated, int | float) and abs(stated - rates[0]) > RATE_TOLERANCE_SHARE * rates[0]:
-            raise RecordingError(f"{path.name}: found {rates[0]:g} Hz, expected {stated:g} Hz as its emg.json says")
+            raise RecordingError(
+                f"{path.name}: found a rate of {rates[0]:g} Hz, expected {stated:g} Hz as in its emg.json"
+            )
         duration, mains = sidecar.get("RecordingDuration"), sidecar.get("PowerLineFrequency")
         length = len(times[0])
         if isinstance(duration, int | float) and 0.0 < duration * rates[0] < length:

@@ -464,9 +464,9 @@ def _stated_in_words(name: str, stated: str, index: Index | None, where: str, *,
     if index is None:
         return EndPoint(name, "rad", stated, Margin.of_ratio(size), True)
     if share and index.percent_of is PercentOf.NOTHING_AT_ALL:
-        raise StudyError(f'{where}: found "{stated}", expected {index.unit}: {index.words} has no zero to share')
+        raise StudyError(f'{where}: found "{stated}", expected {index.unit}: {index.words} has no natural zero')
     if share and index.needs_robot:
-        raise StudyError(f'{where}: found "{stated}", expected {index.unit}: without the robot there is none')
+        raise StudyError(f'{where}: found "{stated}", expected {index.unit}: the control condition has no value')
     # A table has values of control, of which an index over control is a ratio like any other.
     ratio = share and (index.scaled or not of_recordings)
     margin = Margin.of_ratio(size) if ratio else Margin.either_way(size)

@@ -149,8 +149,8 @@ def certify(
             )
         if sessions is not None and len(sessions.contrasts) != len(free):
             raise PellucidError(
-                f"certify, {name}: found later of {len(sessions.contrasts)} participants, expected one of each of the "
-                f"{len(free)}"
+                f"certify, {name}: found later for {len(sessions.contrasts)} participants, expected one value for each "
+                f"of the {len(free)}"
             )
         changes[name] = PeoplesChanges(end.margin, end.differences(worn, free), sessions=sessions)
     return decide(stated, changes, points=ends)

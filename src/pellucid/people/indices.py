@@ -398,7 +398,7 @@ def interaction(torque: np.ndarray, velocity: np.ndarray, fs: float) -> Interact
     torque, velocity = np.asarray(torque, float), np.asarray(velocity, float)
     if torque.shape != velocity.shape or torque.ndim != 1 or not len(torque) or not np.isfinite(torque).all():
         raise RecordingError(
-            f"interaction: found torque {torque.shape} and velocity {velocity.shape}, expected as many numbers of both"
+            f"interaction: found torque {torque.shape} and velocity {velocity.shape}, expected equal shapes, no NaN"
         )
     power = torque * velocity
     return Interaction(

@@ -126,7 +126,7 @@ def mixed_model(
     under = None if condition is None else np.asarray(condition, bool)
     shapes = {np.shape(each) for each in (participant, *((under,) if under is not None else ()), *covariates.values())}
     if y.ndim != 1 or shapes != {y.shape} or not all(np.isfinite(each).all() for each in (y, *covariates.values())):
-        raise PellucidError(f"mixed model: found values {y.shape} and {shapes}, expected as many numbers of all")
+        raise PellucidError(f"mixed model: found the shapes {y.shape} and {shapes}, expected equal ones without NaN")
     people = int(who.max()) + 1
     if under is not None:
         there = np.zeros((people, 2), bool)

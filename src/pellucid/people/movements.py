@@ -184,7 +184,7 @@ def kinematics(
     seen = np.isfinite(angle) & np.isfinite(time)
     if seen.sum() < 2 or np.any(np.diff(time[np.isfinite(time)]) <= 0.0):
         raise (NoAngle if seen.sum() < 2 else RecordingError)(
-            f"{where or 'angle'}: found {int(seen.sum())} samples, expected many, at times that increase"
+            f"{where or 'angle'}: found {int(seen.sum())} finite samples, expected at least 2 at increasing times"
         )
     steps = np.diff(time)
     fs = 1.0 / float(np.mean(steps[steps < 1.5 * np.median(steps)]))
@@ -504,7 +504,7 @@ def segment_angle(optical: OpticalRecording, proximal: str, distal: str) -> np.n
     for name in (proximal, distal):
         if name not in optical.markers:
             raise RecordingError(
-                f"{optical.path.name}: marker {name}: found {', '.join(optical.markers)}, expected it among them"
+                f"{optical.path.name}: found the markers {', '.join(optical.markers)}, expected {name} among them"
             )
     line = optical.markers[distal] - optical.markers[proximal]
     length = np.linalg.norm(line, axis=1)

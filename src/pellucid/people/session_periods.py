@@ -128,7 +128,7 @@ def adjustment(people: int, sessions: SessionPeriods | None, *, known: bool = Tr
     if sessions is None:
         return Adjustment(np.empty((people, 0)), plain, people - 1, 0.0)
     if len(sessions.contrasts) != people:
-        raise PellucidError(f"periods: found those of {len(sessions.contrasts)} people, expected {people}")
+        raise PellucidError(f"periods: found periods of {len(sessions.contrasts)} participants, expected {people}")
     columns = sessions.contrasts
     centred = columns - columns.mean(axis=0)
     left, size, _ = np.linalg.svd(centred, full_matrices=False)

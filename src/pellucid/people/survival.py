@@ -56,7 +56,7 @@ def survival(duration: np.ndarray, ended: np.ndarray, confidence: float = 0.95) 
     duration, ended = np.asarray(duration, float), np.asarray(ended, bool)
     if duration.ndim != 1 or ended.shape != duration.shape or not len(duration) or not np.isfinite(duration).all():
         raise PellucidError(
-            f"survival: found durations {duration.shape} and ends {ended.shape}, expected as many numbers of both"
+            f"survival: found durations {duration.shape} and ends {ended.shape}, expected equal shapes (n,)"
         )
     time = np.unique(duration[ended])
     going = len(duration) - np.searchsorted(np.sort(duration), time)
@@ -118,7 +118,7 @@ def looks(share: Sequence[float], alpha: float = 0.05) -> Looks:
     """
     t = np.asarray(share, float)
     if t.ndim != 1 or not len(t) or not (np.diff(t, prepend=0.0) > 0.0).all() or t[-1] > 1.0 + 1e-12:
-        raise PellucidError(f"looks: found the shares {list(share)}, expected some that rise, above 0 and up to 1")
+        raise PellucidError(f"looks: found the shares {list(share)}, expected increasing shares above 0 and up to 1")
     if not 0.0 < alpha < 0.5:
         raise PellucidError(f"looks: found the level {alpha!r}, expected one between 0 and 0.5")
     spent = 2.0 * stats.norm.sf(stats.norm.isf(0.5 * alpha) / np.sqrt(np.minimum(t, 1.0)))

@@ -138,7 +138,7 @@ def refuse_other_makefile(out: Path) -> None:
     """Raise a PellucidError if the folder has a makefile that make would prefer to the controller's own."""
     obeyed = {"GNUmakefile", "makefile"}.intersection(path.name for path in (out.iterdir() if out.is_dir() else ()))
     if obeyed:
-        raise PellucidError(f"{out}: found {obeyed.pop()}, expected none: make would obey it, not the controller's own")
+        raise PellucidError(f"{out}: found {obeyed.pop()}, expected none: make would use it instead of Makefile")
 
 
 def write_files(files: Mapping[str, str], out: Path) -> Path:

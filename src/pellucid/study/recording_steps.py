@@ -443,7 +443,7 @@ def _matching_files(study: StudySource, entry: RecordingEntry, pattern: str) -> 
     if ".." in parts or Path(pattern).is_absolute():
         study.inside(pattern, where)
     if any("**" in part and part != "**" for part in parts):  # Python 3.13 changes its meaning
-        raise RecordingError(f'{where}: found files = "{pattern}", expected ** to stand alone')
+        raise RecordingError(f'{where}: found files = "{pattern}", expected ** between slashes, such as "**/*.csv"')
     try:
         paths = sorted(path for path in study.folder.glob(pattern) if path.is_file())
     except (ValueError, NotImplementedError) as error:

@@ -435,7 +435,7 @@ class SeveralJoints(StudyTable):
     @model_validator(mode="after")
     def _slides_alone(self) -> SeveralJoints:
         if len(self.joints) > 1 and any(joint.slider is not None for joint in self.joints):
-            raise ValueError(f"found a slider in a machine of {len(self.joints)} joints, expected it with one alone")
+            raise ValueError(f"found a slider in a machine of {len(self.joints)} joints, expected one joint")
         return self
 
     @model_validator(mode="after")
@@ -677,7 +677,7 @@ class ChannelSpec(StudyTable):
             raise ValueError("found interleaved and stacked, expected one of them: a list holds its columns in one way")
         place = self.interleaved or self.stacked
         if place is not None and not 0 <= place[0] < place[1]:
-            raise ValueError(f"found the place {list(place)}, expected a number from 0 and how many columns there are")
+            raise ValueError(f"found the place {list(place)}, expected a column from 0 and the number of columns")
         return self
 
     @model_validator(mode="after")
@@ -689,7 +689,7 @@ class ChannelSpec(StudyTable):
     @model_validator(mode="after")
     def _delay_fits_channel(self) -> ChannelSpec:
         if self.name == "time" and not self.delay is self.lag is None:
-            raise ValueError("found a delay of time, expected one of the channel that is late")
+            raise ValueError("found a delay of the channel time, expected it at the delayed channel")
         if self.delay == "auto" and self.name.partition(".")[0] not in DELAYED_CHANNELS:
             raise ValueError(
                 f'found delay = "auto", which is estimated of {", ".join(DELAYED_CHANNELS)} alone; expected a time'
@@ -1251,8 +1251,8 @@ class StudyFile(StudyTable):
         joints = self.rig.joints
         if self.model.known:
             raise ValueError(
-                f"[model] known: found values with {len(joints)} joints in [[rig.joints]], expected none: no value "
-                "is known of all joints; make a study of the one whose value is known"
+                f"[model] known: found values with {len(joints)} joints in [[rig.joints]], expected none: a "
+                "known value is that of one joint; make a study of this joint alone"
             )
         unlike = len({joint.motion for joint in joints}) > 1
         if unlike and self.processing.dead_band and any(joint.dead_band is None for joint in joints):

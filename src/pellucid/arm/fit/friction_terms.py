@@ -145,8 +145,8 @@ def check_families(families: Sequence[Sequence[str]], joints: Sequence[str], sha
         coefficient_names(family), coefficient_names(family, True)
         if k not in shared and any(term.startswith(MOTOR_PREFIX) for term in family):
             raise IdentificationError(
-                f"joint {joints[k]!r}: found terms of a motor that turns with several joints, expected none: its motor "
-                "turns with it alone"
+                f"joint {joints[k]!r}: found terms of a motor that is coupled to several joints, expected none: its "
+                "motor drives only this joint"
             )
 
 
@@ -187,7 +187,7 @@ def _sum_columns(
         part = value * column(coefficient, numbers.get(STRIBECK_VELOCITY_NAME, np.nan))
         if coefficient.grows_with_load:
             if load is None:
-                raise ValueError(f"{name}: found no load, expected one of each velocity")
+                raise ValueError(f"{name}: found no load, expected one value for each velocity")
             part = part * np.abs(load)
         total += part
     return total

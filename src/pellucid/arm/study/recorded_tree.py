@@ -330,7 +330,7 @@ def _frames_of(joints: dict[str, RigJoint], convention: str | None) -> dict[str,
     def frame(name: str, behind: tuple[str, ...] = ()) -> JointFrame:
         joint, carrier = joints[name], carriers[name]
         if name in behind:
-            raise StudyError(f"study.toml: [[rig.joints]] {name}: found a parent that it carries itself")
+            raise StudyError(f"study.toml: [[rig.joints]] {name}: found a loop of parents, expected a path to the base")
         if name not in made:
             if joint.dh is not None and convention is not None:
                 row = FrameRow(joint.dh.a, joint.dh.alpha, joint.dh.d, joint.dh.theta)

@@ -177,7 +177,7 @@ class JointExporter(LawExporter):
                 exponents=request.exponents, load=request.load, held=request.held, period=period,
             )  # fmt: skip
         if request.participant is not None:
-            raise PellucidError(f"export of {study.name}: found a participant, expected none: nobody wears this joint")
+            raise PellucidError(f"export of {study.name}: found a participant, expected none: the joint is not worn")
         if request.exponents is not None:
             raise PellucidError(f"export of {study.name}: found exponents without a controller, expected fc or pcfr")
         if request.load is not None or request.held is not None:

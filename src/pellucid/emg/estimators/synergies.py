@@ -457,5 +457,5 @@ def _envelope_table(envelopes, muscles: Sequence[str] | None) -> tuple[np.ndarra
         raise IdentificationError(f"synergies: found envelopes of shape {table.shape}, expected (n, muscles)")
     names = tuple(f"muscle {i + 1}" for i in range(table.shape[1])) if muscles is None else tuple(muscles)
     if len(names) != table.shape[1]:
-        raise IdentificationError(f"synergies: found {len(names)} names for {table.shape[1]} columns, expected as many")
+        raise IdentificationError(f"synergies: found {len(names)} names of {table.shape[1]} columns, expected one each")
     return table, names

@@ -125,7 +125,7 @@ def _fit_polynomial(
         found = model.skeleton.coordinates[plain[joint]]
         ends = [sign[joint] * min(max(end, -math.pi), math.pi) for end in (found.lower, found.upper)]
         if not abs(ends[1] - ends[0]) > 1e-3:
-            raise RecordingError(f"coordinate {plain[joint]}: found the range {ends}, expected one that it can move in")
+            raise RecordingError(f"coordinate {plain[joint]}: found the range {ends}, expected increasing limits")
         ranges[joint] = (min(ends), max(ends))
 
     def path(angles: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -134,7 +134,7 @@ class Muscle:
         if np.any(v != 0.0):
             raise PellucidError(
                 "muscle: found a velocity other than 0 on an elastic tendon, expected none: use simulate(activation, "
-                "length, period=), which knows what was before"
+                "length, period=), which keeps the state of the tendon"
             )
         at_rest, finite = self._elastic(1e-3), np.isfinite(a) & np.isfinite(at)
         forces = [at_rest.rest(x, y) if ok else np.nan for x, y, ok in zip(a.flat, at.flat, finite.flat, strict=True)]

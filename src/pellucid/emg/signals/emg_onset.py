@@ -221,7 +221,7 @@ def _energy(
     passes = float(np.mean(energy[still])) + height * spread
     busy = float(np.sqrt(np.quantile(_mean_square(passed, fs), 0.95)))
     if not rest_rms > 0.0 or np.ptp(samples[still]) == 0.0:
-        raise RecordingError("found a rest without any signal, expected an amplifier's own noise there at least")
+        raise RecordingError("found no signal during rest, expected at least the noise of an amplifier")
     if busy < ONSET_SEARCH.min_contrast * rest_rms:
         raise RecordingError(
             f"found activity of {busy / rest_rms:.3g} times the RMS of rest ({time[still][0]:.4g} to "

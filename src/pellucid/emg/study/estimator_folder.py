@@ -93,7 +93,7 @@ def chosen_card(
     if found is None:
         raise PellucidError(
             f"export of {study.name}: found none of the cards {', '.join(names)} in {study.models_dir}, expected one. "
-            "Recordings without one held out, and the chain able, give none; "
+            "A card needs a held-out recording and a causal chain; "
             f"use: {printed_command('calibrate', study.folder)}"
         )
     return require_fresh(study, found, read_estimator_card(found))

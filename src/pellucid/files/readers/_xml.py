@@ -44,7 +44,7 @@ def _require_plain(path: Path, content: bytes) -> None:
     depth = count = 0
 
     def refuse(*declared: object) -> None:
-        raise RecordingError(f"{path.name}: found a document type, which may unfold without end, expected none")
+        raise RecordingError(f"{path.name}: found a document type, expected none: it can expand without limit")
 
     def start(name: str, attributes: dict) -> None:
         nonlocal depth, count

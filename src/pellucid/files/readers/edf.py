@@ -98,5 +98,5 @@ def _record_starts(path: Path) -> np.ndarray:
     found = [_START.match(content, at) for at in places]
     starts = [float(match[1]) for match in found if match is not None]
     if len(starts) < max(len(found), 1):
-        raise RecordingError(f"{path.name}: record {len(starts) + 1} does not state when it began, expected it to")
+        raise RecordingError(f"{path.name}: record {len(starts) + 1} has no start time, expected one in each record")
     return np.array(starts) - starts[0]

@@ -319,7 +319,7 @@ def _apply_other_methods(
             made = make(solution, name, instruments=z, lengths=lengths)
             if not np.isfinite(made.covariance).all():
                 raise IdentificationError(
-                    "found parameters that the motion cannot tell apart, expected a finite covariance of each"
+                    "found parameters that the motion does not identify separately, expected a finite covariance"
                 )
             solved[name] = SolvedMethod(model, solution, every_row=lengths is not None, instruments=z)
             others[name] = made

@@ -571,7 +571,7 @@ def _hanging(direction: np.ndarray, optical: OpticalRecording) -> tuple[np.ndarr
     if share < LIMITS.min_gravity_share:
         raise RecordingError(
             f"{optical.path.name}: found an axis within {np.degrees(np.arcsin(share)):.2g} degrees of [optical] down, "
-            "expected one across it: no angle of the joint hangs"
+            "expected a more horizontal one: gravity defines no zero of the angle"
         )
     return x0 / share, np.cross(direction, x0 / share)
 

@@ -180,7 +180,7 @@ def report_angle_zero(case: JointCase) -> Iterator[Verdict]:
     ):
         return
     half = float(np.degrees(ndtri(0.5 + 0.5 * case.level) * found.standard_error))
-    at = f"the joint hangs where the encoder says {-np.degrees(found.angle):.1f} ± {half:.1f} deg"
+    at = f"the joint hangs at an encoder angle of {-np.degrees(found.angle):.1f} ± {half:.1f} deg"
     if case.study.model.gravity == "sine+cosine":
         text = f"The zero of the angle is free, as study.toml asks, and {at}"
         yield Verdict("note", f"{text} ({100 * case.level:g} %).")

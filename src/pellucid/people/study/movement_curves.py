@@ -100,7 +100,8 @@ def compare_with_control(
         if any(row is None for row in rows) or len(people) < 3 or not (has_control or quantity == "interaction"):
             if quantity in stated and len(people) >= 3:
                 raise StudyError(
-                    f"{where}: found participants without it in {condition}, expected it for all: record or remove it"
+                    f"{where}: found participants without this curve in {condition}, expected one for all: record "
+                    "it, or remove the line"
                 )
             continue
         own = np.array(rows)

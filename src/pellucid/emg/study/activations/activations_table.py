@@ -38,6 +38,6 @@ class ActivationsTable(ProcedureTable):
     def require_in(self, config: StudyFile) -> None:
         """Require the table [emg_torque], and either both or none of `trust` and `effort`."""
         if config.find_table(EmgTorqueTable) is None:
-            raise ValueError("[activations]: found no table [emg_torque], expected it to say where EMG and torque are")
+            raise ValueError("[activations]: found no table [emg_torque], expected it with EMG and torque channels")
         if (self.trust is None) != (self.effort is None):
             raise ValueError("[activations]: found one of trust and effort, expected both or neither")

@@ -125,7 +125,7 @@ def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
     parts = [tuple(trials)] if _have_same_recordings(trials) else [(joint,) for joint in trials]
     if len(parts) > 1:
         remarks.append(
-            Verdict("note", f"{', '.join(trials)}: not of the same recordings, so each joint's muscles stand alone.")
+            Verdict("note", f"{', '.join(trials)}: different recordings, so each joint is calibrated alone.")
         )
     for i, joints in enumerate(parts):
         what = " and ".join(joints)

@@ -118,9 +118,9 @@ def _of_periods(name: str, members: Sequence[Recording], asked: TransferFunction
         rates.append(rate)
     length = min(len(part[0]) for part in parts)
     if any(round(asked.period * rate) != samples for rate in rates):
-        raise IdentificationError(f"{name}: found rates of {min(rates):.6g} to {max(rates):.6g} Hz, expected one")
+        raise IdentificationError(f"{name}: found rates of {min(rates):.6g} to {max(rates):.6g} Hz, expected the same")
     if len({part[2] is None for part in parts}) > 1:
-        raise IdentificationError(f"{name}: found '{asked.reference}' in some recordings, expected it in each or none")
+        raise IdentificationError(f"{name}: found '{asked.reference}' in some recordings, expected it in all or none")
     inputs, outputs, references = zip(*([None if x is None else x[-length:] for x in p] for p in parts), strict=True)
     found = best_linear_approximation(
         inputs, outputs, float(np.mean(rates)), samples=samples,
