@@ -147,7 +147,6 @@ FINDING_FAULTS = {
     "saturation": ("refuse", "clipped", "EMG within the range of the amplifier"),
     "dropout": ("warn", "dropout", "a signal that changes from sample to sample"),
     "exchanged": ("warn", "exchanged", "the same electrodes as in the other recordings"),
-    "normalised_per_trial": ("note", "normalised_per_trial", "one maximum for all recordings of a participant"),
     "heartbeat": ("note", "heartbeat", "EMG without an electrocardiogram"),
     "motion": ("note", "motion", "little power below the frequency band of EMG"),
     "mvc_artefact": ("note", "mvc_artefact", "peaks of a size possible for a muscle"),

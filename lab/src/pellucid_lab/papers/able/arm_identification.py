@@ -157,7 +157,8 @@ def _keep_last_joints(motion: TreeMotion, joints: int) -> TreeMotion:
     """Return a motion with the columns of its last `joints` alone."""
     of_joints = ("position", "velocity", "acceleration", "effort", "moving", "still", "drive")
     columns = {name: np.ascontiguousarray(getattr(motion, name)[:, -joints:]) for name in of_joints}
-    return replace(motion, **columns, gain=motion.gain[-joints:])
+    recorded = motion.recorded and replace(motion.recorded, velocity=motion.recorded.velocity[:, -joints:])
+    return replace(motion, **columns, gain=motion.gain[-joints:], recorded=recorded)
 
 
 def directional_many(
