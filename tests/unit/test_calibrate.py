@@ -394,7 +394,7 @@ def test_the_torque_of_the_wearer_goes_through_the_strap_that_has_a_card(tmp_pat
     said = ["modelled as one rigid body"]
     for kind, values, settings, words in (
         ("coupling", coupling, {}, "a spring and a damper"),
-        ("strap", strap, {"model": "hardening"}, "strap of its card: it hardens"),
+        ("strap", strap, {"model": "hardening"}, "strap of its model card: it hardens"),
     ):
         parameters = tuple(CardParameter(n, "1", v, 0.1, (v - 0.2, v + 0.2), False, True) for n, v in values.items())
         card = ParameterCard(kind, "orthosis", f"S1.{kind}", parameters, settings={"participant": "S1", **settings})

@@ -122,7 +122,7 @@ def test_a_persons_name_is_left_out_and_said(tmp_path):
     made = pl.init(tmp_path / "study", files=layout.files)
     page = made.page.read_text()
     assert "Doe" not in page + made.study_file.read_text() + str(made.proposal.remarks)
-    assert sum("tells who was recorded" in remark for remark in made.proposal.remarks) == 2
+    assert sum("identifies a person" in remark for remark in made.proposal.remarks) == 2
 
 
 def test_an_answer_replaces_the_default_and_its_mark(tmp_path):

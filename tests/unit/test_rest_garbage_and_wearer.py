@@ -153,7 +153,7 @@ def test_init_check_and_identify_agree_on_a_velocity_without_a_position(tmp_path
     study = pl.open(pl.init(tmp_path / "study", files=files).folder)
     assert gravity in (study.folder / "study.toml").read_text(encoding="utf-8")
     notes = [fault for fault in pl.check(study) if fault.kind == "integrated"]
-    said = "integrated from 0 on, expected recordings that all start at the same angle"
+    said = "integrated from 0, expected recordings that all start at the same angle"
     assert [said in n.message for n in notes] == [True] * (unit == "rpm")
     assert {"inertia", "mass"} & set(pl.identify(study, families=["symmetric"]).estimates)
 

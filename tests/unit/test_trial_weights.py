@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_muscles import trial
 
-from pellucid.emg.estimators.condition_choice import run_condition_tests
+from pellucid.emg.estimators.condition_choice import make_choice_tests, run_condition_tests
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.muscle_trials import make_muscle_samples
 from pellucid.emg.estimators.neural_network import Ridge
@@ -111,8 +111,15 @@ def test_muscles_weigh_trials_unless_a_published_method_asks_otherwise():
 def test_condition_tests_report_errors_by_weight():
     slow, fast = two_speeds()
     found = run_condition_tests(fit_torque_map([slow, fast], "ridge"), [slow, fast])
-    weights = find_trial_weights([slow.torque, fast.torque])
-    assert list(found.weighted_rmse) == pytest.approx(list(np.sqrt(weights) * found.rmse))
+    weights = find_row_weights([slow.torque, fast.torque])
+    tests = make_choice_tests([slow, fast])
+    # Each trial is held out once, and blocks of both are, in which samples keep the weights of their trials.
+    assert found.words == ("without slow", "without fast", *(f"block {i}" for i in range(1, 6)))
+    assert all(np.array_equal(own, weights[test.judged]) for own, test in zip(found.weights, tests, strict=True))
+    wanted = [np.sqrt(np.mean(own * e**2)) for own, e in zip(found.weights, found.errors, strict=True)]
+    assert found.weighted_rmse == pytest.approx(wanted)
+    trial_weights = find_trial_weights([slow.torque, fast.torque])
+    assert found.weighted_rmse[:2] == pytest.approx(np.sqrt(trial_weights) * found.rmse[:2])
     alone = run_condition_tests(fit_torque_map([slow], "ridge"), [slow])
     assert alone.weighted_rmse == ()
 
