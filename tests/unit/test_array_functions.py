@@ -312,7 +312,7 @@ def test_columns_of_the_design_are_no_indices():
     other = pl.assess(without(rows, "amplitude", "amplitude [deg]", "target") | {"level": rows["amplitude"]},
                       control="free", factors=["level", "direction"])  # fmt: skip
     np.testing.assert_array_equal(other["duration"].values, found["duration"].values)
-    with pytest.raises(pl.PellucidError, match="among indices and factors"):
+    with pytest.raises(pl.PellucidError, match="both as index and as factor"):
         pl.assess(rows, control="free", indices=["duration", "amplitude"], factors=["amplitude"])
 
 

@@ -66,7 +66,7 @@ def test_wide_margins_hold_and_narrow_ones_fail(pointing):
         ('vmax = "10 deg"', "rad/s"),
         ('vmax = "-10 %"', "above 0"),
         ('sparc = "10 %"', "no zero"),
-        ('torque_rms = "10 %"', "without the robot"),
+        ('torque_rms = "10 %"', "the control condition has no value"),
         ('emg_level = "10 %"', "Record the index"),
     ],
 )

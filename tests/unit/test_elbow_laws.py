@@ -140,7 +140,7 @@ def test_zero_impedance_compensates_nothing_by_model():
 def test_a_law_takes_the_card_it_was_made_for():
     with pytest.raises(PellucidError, match='found the model card of the family "dissociated", expected "pooled"'):
         position_control(BOTH, PLACE)
-    with pytest.raises(PellucidError, match='expected one of "dissociated"'):
+    with pytest.raises(PellucidError, match='expected "dissociated"'):
         full_compensation(POOLED, PLACE)
     with pytest.raises(PellucidError, match="expected one model for both"):
         transparent(POOLED, PLACE)

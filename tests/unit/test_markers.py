@@ -325,5 +325,5 @@ def test_a_carriage_s_marker_that_is_not_there():
 def test_an_axis_along_gravity_hangs_nowhere():
     recording = trial()
     upright = replace(recording, optical=replace(recording.optical, down=AXIS))
-    with pytest.raises(RecordingError, match=r"within .* degrees of \[optical\] down, expected one across it"):
+    with pytest.raises(RecordingError, match=r"within .* degrees of \[optical\] down, expected a more horizontal one"):
         slider_geometry([upright])

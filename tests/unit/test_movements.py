@@ -141,7 +141,7 @@ def test_what_cannot_be_filtered_is_refused():
     time, angle = record([(1.0, 0.8, 0.6)], 2.0)
     with pytest.raises(RecordingError, match=r"x\.csv: low-pass at 150 Hz"):
         kinematics(time, angle, MovementRule(lowpass=150.0), where="x.csv")
-    with pytest.raises(RecordingError, match="times that increase"):
+    with pytest.raises(RecordingError, match="increasing times"):
         kinematics(time[::-1], angle, RAW)
     with pytest.raises(RecordingError, match="found 0 samples"):
         kinematics(time, np.full(len(time), np.nan), RAW)

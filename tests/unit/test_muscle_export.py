@@ -139,7 +139,7 @@ def test_faulty_files_are_refused(kept, tmp_path, kind, old, new, message):
 
 
 def test_a_muscle_that_the_model_lacks_is_named(kept, tmp_path):
-    with pytest.raises(RecordingError, match=r"expected vaslat_r too: say what the model calls.*muscle_names"):
+    with pytest.raises(RecordingError, match=r"expected vaslat_r too: state the model.s names.*muscle_names"):
         write_osim(tmp_path / "made.osim", LEG, MuscleRemark(kept, {**NAMES, "vasti": "vaslat_r"}))
     assert not (tmp_path / "made.osim").exists()
 
@@ -210,7 +210,7 @@ def test_what_an_export_of_muscles_needs_is_said(walking):
     folder, _ = walking
     study = pellucid.open(folder)
     assert pellucid.export(study, "osim", folder / "own.osim") == folder / "own.osim"
-    with pytest.raises(PellucidError, match=r'found to = "opensim", expected "c" or "osim" or "ceinms"'):
+    with pytest.raises(PellucidError, match=r'found to = "opensim", expected "c" .*or "osim" or "ceinms"'):
         pellucid.export(study, "opensim")
     with pytest.raises(PellucidError, match="found slider, expected none: muscles have none"):
         pellucid.export(study, "osim", slider=0.1)

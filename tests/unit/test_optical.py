@@ -130,7 +130,7 @@ def test_a_position_by_ruler_needs_no_optical_file(make_optical):
         ("[0, 0, -2]", "[0, -1]", "[optical] down: found [0, -1], expected three numbers such as [0, 0, -1]"),
         ("[optical]", "[optic]", 'unknown key "optic"; the nearest valid one is "optical"'),
         (OPTICAL, "", "[[recordings]] sweep: found optical, expected a table [optical]"),
-        ('file = "recordings/sweep.csv"', 'files = "recordings/*.csv"', "each recording has files of its own"),
+        ('file = "recordings/sweep.csv"', 'files = "recordings/*.csv"', "state one file for each recording"),
         ('use = "fit"', 'slider = "0.3 m"', "found slider = 0.3 m, expected 0.08 m to 0.24 m as [rig.slider] says"),
         (RAIL, "[rig.loop]\nkind = 'p'\nkp = 1.0\n", None),
     ],

@@ -60,7 +60,7 @@ def test_of_a_refused_interval_it_is_said_whether_the_data_or_the_prior_tell():
     guessed = replace(told, prior_share=0.9)
     [(_, text)] = said([ComparedPosterior(refused, guessed)], posterior(guessed))
     assert "gravity is determined by the prior, not by the data" in text
-    assert ComparedPosterior(refused, guessed).told(0.95) == "told by the prior"
+    assert ComparedPosterior(refused, guessed).told(0.95) == "determined by the prior"
 
 
 def test_of_draws_that_have_not_settled_nothing_is_read():

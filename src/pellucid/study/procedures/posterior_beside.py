@@ -37,7 +37,7 @@ class ComparedPosterior:
         if self.drawn.refused:
             return "not settled"
         if self.drawn.told_by_prior:
-            return "told by the prior"
+            return "determined by the prior"
         if self.fitted.refused:
             return "no interval; posterior determined by the data"
         if ratio > AGREEMENT_FACTOR:
