@@ -65,7 +65,7 @@ def test_wide_margins_hold_and_narrow_ones_fail(pointing):
         ('smoothness = "10 %"', "expected one of"),
         ('vmax = "10 deg"', "rad/s"),
         ('vmax = "-10 %"', "above 0"),
-        ('sparc = "10 %"', "no zero"),
+        ('sparc = "10 %"', "no natural zero"),
         ('torque_rms = "10 %"', "the control condition has no value"),
         ('emg_level = "10 %"', "Record the index"),
     ],

@@ -143,7 +143,7 @@ def test_what_cannot_be_filtered_is_refused():
         kinematics(time, angle, MovementRule(lowpass=150.0), where="x.csv")
     with pytest.raises(RecordingError, match="increasing times"):
         kinematics(time[::-1], angle, RAW)
-    with pytest.raises(RecordingError, match="found 0 samples"):
+    with pytest.raises(RecordingError, match="found 0 finite samples"):
         kinematics(time, np.full(len(time), np.nan), RAW)
     stretches = steps(time, (1.97, 0.6))
     _, (none,) = movements(kinematics(time, angle, RAW), stretches, RAW)

@@ -108,7 +108,7 @@ def test_what_cannot_be_seen_is_shown():
         ("leg.xml", ">1871<", ">-1<", "vaslat_r, largest_force: found -1"),
         ("leg.xml", ">1.3<", ">-1.3<", "strengthCoefficient: found -1.3"),
         ("leg.xml", ">0.5 1 1.5<", ">0.5 1 0.5<", "<xPoints> that increase"),
-        ("leg.xml", "<subject>", '<!DOCTYPE a [<!ENTITY b "c">]><subject>', "found a document type, expected none: it can expand"),
+        ("leg.xml", "<subject>", '<!DOCTYPE a [<!ENTITY b "c">]><subject>', "found a document type, expected none"),
         ("leg.xml", "<mtuSet>", "<a>" * 200 + "<mtuSet>", "within each other, expected at most"),
     ],
 )
