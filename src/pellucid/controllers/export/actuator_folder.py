@@ -156,7 +156,7 @@ def _tree_actuators(card: TreeCard) -> Actuators:
             "maker's value."
         )
     if card.motors:
-        notes.append("A motor that turns with several joints is counted at its own joint only.")
+        notes.append("The rotor inertia of a motor that is coupled to several joints is added at its own joint only.")
     return Actuators(card.study, tuple(joints), card.confidence, tuple(notes))
 
 

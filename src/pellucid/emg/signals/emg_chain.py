@@ -399,8 +399,8 @@ EMG_CHAINS = {
                 Stage("advance", seconds=0.1),
             ),
             "Verdel et al. 2021: band-pass of order 4 from 20 to 450 Hz, centred, rectified, relative to the maximum "
-            "of the experiment, with a window 0.1 s ahead of the motion's. Order 4 is taken as the argument of the "
-            "filter design function, which gives eight poles.",
+            "of the experiment. EMG leads the motion by 0.1 s, which shifts its window. Order 4 is the argument of the "
+            "filter design function: the filter has eight poles.",
         ),
         EmgChain(
             "knee",

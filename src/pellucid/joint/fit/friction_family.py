@@ -236,7 +236,7 @@ def fit_family(
     taken, part = everything if excerpt is None else excerpt, data
     if said:
         if excerpt is None:
-            raise ValueError(f"found no `excerpt` that is {said}, expected its motions")
+            raise ValueError(f"found no `excerpt`, expected the motions described as: {said}")
         part = stack([m for m in excerpt if m.split == "fitted"])
     free = start = solve_family(model, part)
     note: tuple[str, ...] = ()

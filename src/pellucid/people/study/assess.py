@@ -299,8 +299,8 @@ def _without_index(found: Mapping[str, Assessed], participants: Sequence[str], c
         if absent:
             lacking.setdefault(absent, []).append(each.table.index.short)
     return [
-        f"{', '.join(absent)}: found no value of {', '.join(names)} in movements that are alike in all of "
-        f"{', '.join(conditions)}, expected some; excluded from {'it' if len(names) == 1 else 'them'}."
+        f"{', '.join(absent)}: found no value of {', '.join(names)} in comparable movements of all "
+        f"conditions ({', '.join(conditions)}); excluded from {'this index' if len(names) == 1 else 'these indices'}."
         for absent, names in lacking.items()
     ]
 

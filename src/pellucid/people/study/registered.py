@@ -41,5 +41,5 @@ def register(study: Study) -> str:
         write_text_atomically(path, own.to_toml())
     except OSError as error:
         raise StudyError(f"{path}: the analysis could not be written: {error.strerror}") from None
-    said = "Keep it unchanged: `assess` reports every other one as post hoc."
+    said = "Keep it unchanged: `assess` reports any other analysis as post hoc."
     return f"Registered the analysis in {ANALYSIS_FILE}. {said}"

@@ -646,9 +646,9 @@ def _headline(chosen: Sequence[RecommendedEstimator]) -> str:
         least = min(e.score.rmse for each in chosen for e in each.judged)
         bare = [each.bare[0].score.rmse for each in chosen if each.bare]
         sentences.append(
-            f"{', '.join(each.what for each in chosen)}: RMS error {_error_words(one)} at worst ({worst.what}) and "
-            f"{least:.3g} at best with {words}"
-            + (f"; angles alone, without EMG: {max(bare):.3g} and {min(bare):.3g}" if bare else "")
+            f"{', '.join(each.what for each in chosen)}: RMS error from {least:.3g} to {_error_words(one)} "
+            f"({worst.what}) with {words}"
+            + (f"; angles alone, without EMG: {min(bare):.3g} to {max(bare):.3g}" if bare else "")
         )
         chosen = ()
     for each in chosen:
