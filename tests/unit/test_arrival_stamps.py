@@ -87,7 +87,7 @@ def test_a_jittering_clock_is_proposed_with_its_rate_and_never_100_hz(tmp_path):
     text = pl.init(tmp_path / "study", files=[path]).study_file.read_text()
     line = next(line for line in text.splitlines() if line.startswith("time = "))
     assert float(line.split('"')[1].split()[0]) == pytest.approx(RATE, rel=1e-3)
-    assert "stamped on arrival" in line
+    assert "stamps were taken on arrival" in line
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from pellucid.people.study import assessment_page, certified
 from pellucid.people.study.assess import _assessed, _told
 from pellucid.people.study.assessment_result import Assessed, AssessmentResult
 from pellucid.people.study.assessment_table import AssessmentTable
-from pellucid.people.study.assessment_tables import change_table, summary_table
+from pellucid.people.study.assessment_tables import RANK_TEST_WORDS, change_table, summary_table
 from pellucid.people.study.measured_study import MeasuredStudy
 from pellucid.people.study.pointing import SessionOrder
 from pellucid.study.procedures.print_result import print_to_text
@@ -30,6 +30,9 @@ MARGIN = 0.10
 
 PEOPLE = (8, 9, 11, 12, 13, 14, 16, 20, 28, 40)
 """Numbers of people; the mean of fewer than 12 is never said to lie within."""
+
+FOUND = ("differs", RANK_TEST_WORDS[True])
+"""What the table of changes says where a test finds a difference, as the interval does or not."""
 
 CONTROL, WORN = "Free", ("Robot", "Other")
 AMPLITUDES = (0.3, 0.6)
@@ -156,9 +159,9 @@ def require_tests_agree_without_margins(study):
     found = study.found
     answer = found.answer
     told = [row for row in change_table(found).rows if row[0] == found.indices["duration_median"].short]
-    assert answer.verdict == ("yes" if any(row[3] == "differs" for row in told) else "cannot say")
+    assert answer.verdict == ("yes" if any(row[3] in FOUND for row in told) else "cannot say")
     for short, condition, _, word in change_table(found).rows:
-        if word == "differs":  # whatever the leading index says, a condition that differs is named
+        if word in FOUND:  # whatever the leading index says, a condition that differs is named
             words = next(each.table.index.words for each in found.assessed.values() if each.table.index.short == short)
             assert condition in answer.sentence
             assert words.lower() in answer.sentence.lower()
@@ -166,7 +169,7 @@ def require_tests_agree_without_margins(study):
     marked = {row[0].partition(" (")[0]: row[2:] for row in summary_table(found).rows}
     for short, condition, _, word in change_table(found).rows:
         at = found.conditions.index(condition) - 1
-        assert marked[short][at].endswith("*") == (word == "differs")
+        assert marked[short][at].endswith("*") == (word in FOUND)
     for each in found.assessed.values():
         if each.table.index.paragraph_place and not each.table.index.over_control:
             p = each.comparison.p_value
@@ -203,7 +206,7 @@ def test_badge_and_test_agree_without_margins(quick):
         study = simulate(seed, margins=False)
         require_tests_agree_without_margins(study)
         seen |= {row[3] for row in change_table(study.found).rows}
-    assert seen == {"differs", "not shown"}
+    assert seen == {*FOUND, "not shown"}
 
 
 @pytest.mark.nightly

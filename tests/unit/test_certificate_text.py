@@ -50,7 +50,7 @@ def test_a_transparent_table_says_what_its_claim_rests_on():
     said = repr(pl.assess(crossover(), analysis=ORDERED))
     assert "90 % interval" in said
     assert " of 16 within: at least" in said
-    assert "carry-over between sessions of at most 0.25 margins, and one over" in said
+    assert "carry-over between sessions of at most 0.25 margins; more than" in said
 
 
 def test_a_certificate_prints_its_verdict_and_reason():
@@ -58,7 +58,7 @@ def test_a_certificate_prints_its_verdict_and_reason():
     assert repr(good).startswith("transparent\nindex ")
     assert "assumed: a carry-over" in repr(good)
     few = pl.certify(crossover(people=8), analysis=ORDERED)
-    assert "duration, undecided: too few people: 8 took part" in repr(few)
+    assert "duration, undecided: too few participants: 8 took part" in repr(few)
     assert few.reason("duration") in few._repr_html_()
     assert good.reason("duration") == ""
 

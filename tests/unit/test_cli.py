@@ -140,7 +140,7 @@ def test_identify_exits_1_where_its_figures_describe_nothing(fit, tmp_path, monk
     assert "the fit failed: it explains nothing." in " ".join(err.split())
     assert "More words" not in err
     assert f"Next: pellucid check {study.folder}" in " ".join(out.split())
-    assert "Cannot say. First correct this: the fit failed: it explains nothing." in " ".join(out.split())
+    assert "Cannot say. Correct this first: the fit failed: it explains nothing." in " ".join(out.split())
     assert (study.folder / "results.json").is_file()
 
 
@@ -196,7 +196,7 @@ def test_report_reads_no_recording_of_what_is_kept(bench, monkeypatch):
     recording.write_text(recording.read_text() + "\n", encoding="utf-8")
     stale = run(cli.app, ["report", str(bench.folder)])
     assert stale.exit_code != 0
-    assert f"make it with: pellucid identify {bench.folder}" in str(stale.exception)
+    assert f"compute them with: pellucid identify {bench.folder}" in str(stale.exception)
     assert len(bench.asked) == 1  # no longer fresh: it says what to do, and computes nothing
 
 

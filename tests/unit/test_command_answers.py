@@ -51,7 +51,7 @@ def test_an_interval_of_a_comparison_excludes_zero_exactly_where_its_test_finds_
     [
         (0.01, 0.8, "no", "no parameter changed"),
         (0.01, 0.01, "cannot say", "changed together"),
-        (0.6, 0.8, "cannot say", "a change of 50 % would show"),
+        (0.6, 0.8, "cannot say", "smallest detectable change of every parameter exceeds 50 %"),
     ],
 )
 def test_a_comparison_that_would_have_missed_a_change_cannot_say(error, joint_p, verdict, reason):

@@ -85,8 +85,8 @@ def test_degrees_and_radians_declared_as_each_other_are_named(sound, rng):
     effort = 0.05 * a + 1.5 * np.sin(q) + 0.2 * np.sign(v) + 0.05 * v + 0.01 * rng.standard_normal(len(t))
     cases = (
         (q, []),
-        (np.degrees(q), ["The position looks like degrees declared as radians"]),
-        (np.radians(q), ["The position looks like radians declared as degrees"]),
+        (np.degrees(q), ["The position is probably in degrees, not in radians as stated"]),
+        (np.radians(q), ["The position is probably in radians, not in degrees as stated"]),
         (0.02 * q, []),
     )
     for i, (angle, expected) in enumerate(cases):

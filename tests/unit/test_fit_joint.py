@@ -184,9 +184,9 @@ def sines(hertz, inertia, gravity):
 @pytest.mark.parametrize(
     ("hertz", "inertia", "gravity", "named"),
     [
-        ((0.13, 0.47, 1.1), 0.05, 1.5, "inertia comes out negative"),
-        ((0.05, 0.11, 0.17), 0.001, 1.5, "coulomb comes out negative"),
-        ((0.05, 0.11, 0.17), 0.001, 0.0, "coulomb comes out negative"),
+        ((0.13, 0.47, 1.1), 0.05, 1.5, "estimated inertia is negative"),
+        ((0.05, 0.11, 0.17), 0.001, 1.5, "estimated coulomb is negative"),
+        ((0.05, 0.11, 0.17), 0.001, 0.0, "estimated coulomb is negative"),
     ],
 )
 @pytest.mark.parametrize("reversed_position", [False, True])

@@ -29,7 +29,7 @@ def test_twice_the_share_has_half_the_margin():
 
 def test_a_share_beyond_its_margin_is_refused_and_the_usual_one_is_lowered():
     card = arm()
-    with pytest.raises(PellucidError, match=r"found an inertia_share of 0\.4 .* expected 1\.5: take 0\.\d+ or less"):
+    with pytest.raises(PellucidError, match=r"found an inertia_share of 0\.4 .* expected 1\.5: use 0\.\d+ or less"):
         tree_laws.transparent(card, inertia_share=0.4)
     usual = tree_laws.transparent(card).shares[0]["inertia_share"]
     assert 0.0 < usual < tree_laws.MOST_INERTIA_SHARE

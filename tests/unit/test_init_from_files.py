@@ -336,7 +336,7 @@ def test_a_robots_file_beside_recordings_is_read(tmp_path):
     done = CliRunner().invoke(app, [*command, "--urdf", str(path)])
     assert "log.csv: not readable as XML" in str(done.exception)
     done = CliRunner().invoke(app, [*command, "--dataset", "emps"])
-    assert "one of them" in str(done.exception)
+    assert "init needs exactly one of --from" in str(done.exception)
     made = pl.init(tmp_path / "study", files=[path], urdf=written_urdf(tmp_path / "one.urdf", 1))
     assert any("one.urdf: not used" in remark for remark in made.proposal.remarks)
 

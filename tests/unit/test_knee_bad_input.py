@@ -78,7 +78,7 @@ def test_sound_files_are_fit(sound):
         ("S1_torque_slow_1_emg", "note", "rate", "time", "900 Hz", "2048 Hz as in the study's other files"),
         ("S1_torque_late_1_emg", "refuse", "rate", "time", "s of EMG at 2048 Hz", "as long at 1024 Hz"),
         ("S1_torque_long_1_emg", "note", "rate", "time", "s of EMG at 1024 Hz", "as long at 2048 Hz"),
-        ("S1_torque_open_1_emg", "refuse", "detached_electrode", "emg.lateral_hamstring", "mains", "detached"),
+        ("S1_torque_open_1_emg", "refuse", "detached_electrode", "emg.lateral_hamstring", "hum at 50 Hz", "detached"),
         ("S1_torque_small_1_emg", "refuse", "clipped", "emg.lateral_hamstring", "in runs", "range of the amplifier"),
         ("S1_torque_swapped_1_emg", "refuse", "swapped_channels", "emg.lateral_hamstring", "with", "changed"),
         ("S1_swing_silent", "refuse", "gap", "imu.angular_velocity", "no sample from", "shorter than 2 s"),

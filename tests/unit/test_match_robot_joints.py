@@ -122,7 +122,7 @@ def test_gravity_refuses_an_order_that_the_efforts_contradict(tmp_path, rng, joi
 def test_a_mismatch_names_both_lists(tmp_path, rng, joints, names):
     robot = written_robot(tmp_path / "arm.urdf", names)
     roles, columns = recorded(robot, joints, rng, names[:2])
-    with pytest.raises(StudyError, match=rf"found the joints {', '.join(names)}, and .* {', '.join(joints)}: expected"):
+    with pytest.raises(StudyError, match=rf"found the joints {', '.join(names)}, but .*{', '.join(joints)}: expected"):
         match_robot_joints(robot, roles, [columns])
 
 
@@ -143,7 +143,7 @@ def test_what_is_missing_must_carry_nothing_that_moved(tmp_path, rng):
     found = match_robot_joints(robot, roles, [columns])
     assert found.held == {"roll": "0 rad"}
     roles, columns = recorded(robot, ["tilt", "roll"], rng, ["tilt", "roll"])
-    with pytest.raises(StudyError, match="expected a column of lift, which carries joints that moved"):
+    with pytest.raises(StudyError, match="a column with the position of lift, which carries joints that moved"):
         match_robot_joints(robot, roles, [columns])
     # A constant column says where it was.
     roles = replace(roles, roles=(*roles.roles, replace(role("q_lift", "position", "rad", ""), quantity=None)))
@@ -167,5 +167,5 @@ def test_a_stated_unit_of_another_kind_refuses(tmp_path, rng):
         replace(r, column=f"{r.column} [deg]", unit="deg") if r.column == "q_rail" else r for r in roles.roles
     )
     columns["q_rail [deg]"] = columns.pop("q_rail")
-    with pytest.raises(StudyError, match="rail turns in the recordings"):
+    with pytest.raises(StudyError, match="rail is rotary in the recordings, but rail is prismatic in the file"):
         match_robot_joints(robot, replace(roles, roles=stated), [columns])

@@ -176,5 +176,5 @@ def test_the_interval_that_is_told_is_the_one_that_decides():
     stated = {"control": "free", "design": "AB/BA", "period": "period", "margins": {"duration": "10 %"},
               "largest_carry_over": 0.5}  # fmt: skip
     said = str(pl.assess(table, analysis=stated))
-    ends = [float(x) for x in re.search(r"margins, ([-+][\d.]+) to ([-+][\d.]+) %, reaches", said).groups()]
+    ends = [float(x) for x in re.search(r"margins, ([-+][\d.]+) to ([-+][\d.]+) %, extends", said).groups()]
     assert ends[0] <= -9.1 or ends[1] >= 10.0

@@ -96,7 +96,7 @@ def test_a_parameter_on_its_bound_is_told():
     assert np.array_equal(np.isnan(spread), found.at_bound | found.at_bound[:, None])
     said = muscle_verdicts(found, "knee")[0]
     assert said.kind == "warning"
-    assert "undetermined" in said.text
+    assert "are not identifiable" in said.text
     assert "delay (0.1 s)" in said.text
 
 

@@ -101,7 +101,7 @@ def test_an_unknown_joint_is_refused_where_a_muscle_needs_it(tmp_path):
     path.write_text(text.replace("PinJoint", "EllipsoidJoint"), encoding="utf-8")
     leg = read_paths(path)
     assert len(leg.muscle("moving").length(leg.skeleton, ANGLES)[0]) == 12
-    with pytest.raises(PellucidError, match=r"joint ankle: found a EllipsoidJoint, which is not followed, expected"):
+    with pytest.raises(PellucidError, match=r"joint ankle: found a EllipsoidJoint, which is not supported, expected"):
         leg.muscle("on_foot").length(leg.skeleton, ANGLES)
 
 

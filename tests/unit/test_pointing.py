@@ -64,7 +64,7 @@ def test_a_motion_captures_drift_is_found_and_taken_back(fast):
     late = np.array([m.start for m in found]) - [start for start, _, _ in truth]
     assert abs(np.median(late[-13:]) - np.median(late[:13])) < 0.01
     (said,) = [f for f in pointing_faults(record, SPEC, labelled_amplitudes([record])) if f.kind == "drift"]
-    assert f"{1e6 * record.drift:+.0f} millionths" in said.message
+    assert f"{1e6 * record.drift:+.0f} ppm" in said.message
 
 
 def test_clocks_that_keep_time_are_left_alone():

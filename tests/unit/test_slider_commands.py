@@ -265,7 +265,7 @@ def test_init_refuses_what_it_cannot_make(tmp_path):
         pellucid.init(tmp_path / "full", rig="able-elbow")
     with pytest.raises(StudyError, match="unknown rig 'shoulder'; known: able-arm, able-elbow"):
         pellucid.init(tmp_path / "new", rig="shoulder")
-    with pytest.raises(StudyError, match="one of them"):
+    with pytest.raises(StudyError, match="init needs exactly one of --from"):
         pellucid.init(tmp_path / "new", dataset="any", rig="able-elbow")
     assert not (tmp_path / "new").exists()
 

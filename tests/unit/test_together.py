@@ -67,7 +67,7 @@ def test_the_offset_is_the_recordings_own(found, alone):
     gastrocnemius = next(text for text in said if text.startswith("gastrocnemius medialis"))
     assert "by the knee alone" in gastrocnemius
     assert "by both" in gastrocnemius
-    assert sum("90 % band" in text for text in said) == 2
+    assert sum("90 % prediction bands cover" in text for text in said) == 2
 
 
 def test_muscles_without_an_electrode_are_left_away_where_they_do_not_help(found, alone):

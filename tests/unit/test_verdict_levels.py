@@ -84,7 +84,7 @@ def test_a_family_that_predicts_better_is_used_and_its_term_is_told_if_it_is_not
     assert case.best == "rich"
     assert told.kind == kind
     assert "10 % smaller than that of 'plain'" in told.text
-    assert ("is not identified: use its predictions, not its value." in told.text) == (kind == "note")
+    assert ("cannot be identified: use its predictions, not its value." in told.text) == (kind == "note")
 
 
 def test_a_family_that_predicts_hardly_better_is_told_and_not_used():

@@ -132,7 +132,10 @@ def match_robot_joints(path: Path, roles: TableRoles, tables: Sequence[Mapping[s
     for own, other in list(pairs.items()):
         if by_name[own].slides is not None and by_name[own].slides != (kinds[other] == "prismatic"):
             does = ("prismatic", "rotary") if by_name[own].slides else ("rotary", "prismatic")
-            raise refuse(f"expected joints of one type: {own} is {does[0]} in the recordings, {other} is {does[1]}")
+            raise refuse(
+                f"expected joints of one type: {own} is {does[0]} in the recordings, but {other} is {does[1]} in "
+                "the file"
+            )
         if by_name[own].rests:
             # A joint that rests has no unit of its own evidence: the file says whether it turns.
             held[other] = f"{0.5 * sum(by_name[own].ranges):.6g} {'m' if kinds[other] == 'prismatic' else 'rad'}"

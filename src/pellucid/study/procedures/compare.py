@@ -243,7 +243,7 @@ def _answer(
             verdict, reason = "cannot say", f"the parameters changed together ({joint}), and none alone"
         elif not any(row.detectable < MAX_UNSEEN_CHANGE for row in seen):
             bound = f"{100.0 * MAX_UNSEEN_CHANGE:g} %"
-            verdict, reason = "cannot say", f"the uncertainty of every parameter exceeds a change of {bound}"
+            verdict, reason = "cannot say", f"the smallest detectable change of every parameter exceeds {bound}"
     parts = tuple(_part_of(row) for row in rows)
     numbers = tuple(
         AnswerNumber(f"change of {row.name.replace('_', ' ')}", row.b - row.a, row.unit, row.interval)

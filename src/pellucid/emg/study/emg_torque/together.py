@@ -421,7 +421,7 @@ def _offset_verdict(found: TogetherFindings) -> Verdict:
     if not found.offset_carries_over:
         text = (
             f"a time offset of the EMG, {late}, would fit better, but does not improve the cross-validated error; on "
-            f"held-out recordings {r2}. It is therefore not used."
+            f"held-out recordings {r2}. It is therefore not attributed to the recording."
         )
         return Verdict("note", f"{found.what} together: {text}")
     return Verdict(
