@@ -134,10 +134,11 @@ class JointEstimate(Estimates):
         RecordingError
             If the arrays do not fit together, a number is missing, or there are too few for the filter.
         """
-        given = {"position": position} | ({} if velocity is None else {"velocity": velocity})
-        time, *signals = sampled("predict", time, **given)
-        speed = None if velocity is None else signals[1]
-        motion = motion_of(time, signals[0], np.zeros(len(time)), self.filtering, velocity=speed)
+        if velocity is None:
+            time, position = sampled("predict", time, position=position)
+        else:
+            time, position, velocity = sampled("predict", time, position=position, velocity=velocity)
+        motion = motion_of(time, position, np.zeros(len(time)), self.filtering, velocity=velocity)
         return predict_efforts(self.model, self.array, [motion])[0]
 
     def simulate(self, time: ArrayLike, effort: ArrayLike, position: float = 0.0, velocity: float = 0.0) -> JointTrace:
