@@ -69,9 +69,10 @@ def _watched_card(study: Study, joint: str, fitted: Sequence[TorqueTrial]) -> Em
 
 
 def _find_changes(card: EmgEstimatorCard, trial: TorqueTrial) -> tuple[ChannelChange, ...]:
-    """Return the channels of a trial that the card's watch names, with the largest share of R² that each may cost."""
+    """Return the channels of a trial that the card's watch names, from when on, and the R² that each may cost there."""
     live = LiveTorque(card)
     largest: dict[str, float] = {}
+    first: dict[str, float] = {}
     emg = {channel.name: trial.envelopes[channel.name] for channel in card.channels}
     angles: Mapping[str, np.ndarray] = {name: trial.angles[name] for name in card.angles}
     for i in range(len(trial)):
@@ -81,11 +82,13 @@ def _find_changes(card: EmgEstimatorCard, trial: TorqueTrial) -> tuple[ChannelCh
         if made.changed:
             losses = live.losses
             largest |= {m: max(losses[m], largest.get(m, 0.0)) for m in made.changed}
+            first = dict.fromkeys(made.changed, float(trial.time[i])) | first
     return tuple(
         ChannelChange(
             muscle,
             CONSEQUENCE_KIND,
-            f"a changed relation of signal and movement, which may reduce R² of the torque by {loss:.2f}",
+            f"a relation of signal and movement that changed at {first[muscle]:.1f} s, which may reduce R² of the "
+            f"torque there by {loss:.2f}",
             "the same relation as in the fitted recordings",
         )
         for muscle, loss in largest.items()
