@@ -71,7 +71,7 @@ def test_a_zero_that_is_off_is_told_with_what_to_write(spoilt):
     spoilt.toml('column = "position", unit = "rad"', 'column = "position", unit = "rad", offset = 0.2618')
     first, *_ = spoilt.verdicts()
     assert first.finding == "angle_zero"
-    angle, half = map(float, re.search(r"says ([-\d.]+) ± ([\d.]+) deg", first.text).groups())
+    angle, half = map(float, re.search(r"angle of ([-\d.]+) ± ([\d.]+) deg", first.text).groups())
     assert angle == pytest.approx(15.0, abs=1.5)
     assert half < 2.0
     # What to write takes nearly all of it back.

@@ -187,7 +187,7 @@ def test_looks_spend_alpha(rng):
         (lambda: certificate({}, {"vmax": Margin(-1, 1)}), "vmax"),
         (lambda: certificate({}, {}), "no margin"),
         (lambda: equivalence_power(np.eye(2), [Margin(-1, 1)], (5,)), "covariance"),
-        (lambda: looks((0.5, 0.4)), "rise"),
+        (lambda: looks((0.5, 0.4)), "increasing"),
     ],
 )
 def test_what_cannot_be_tested_is_told(call, said):

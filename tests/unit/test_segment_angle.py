@@ -43,7 +43,7 @@ def test_lost_frames_stay_lost():
 
 
 def test_what_has_no_angle_is_refused():
-    with pytest.raises(RecordingError, match="marker hand: found elbow, wrist"):
+    with pytest.raises(RecordingError, match="found the markers elbow, wrist, expected hand"):
         segment_angle(seen(np.ones(5)), "elbow", "hand")
     with pytest.raises(RecordingError, match="points 0 % to a side"):
         segment_angle(seen(np.zeros(5)), "elbow", "wrist")
