@@ -61,7 +61,7 @@ def test_a_muscle_that_does_nothing_has_no_spectrum_to_compare(fitted):
 
 
 def test_what_cannot_be_compared_is_refused(fitted):
-    with pytest.raises(IdentificationError, match=f"1 s of raw EMG, expected .* least {RAW_LIMITS.min_recording_s:g} s"):
+    with pytest.raises(IdentificationError, match=f"of raw EMG, expected at least {RAW_LIMITS.min_recording_s:g} s"):
         RawChannels.from_recordings([(worn(2, seconds=1.0), FS)])
     with pytest.raises(IdentificationError, match="expected the same in each"):
         RawChannels.from_recordings([(worn(2), FS), ({"vastus": worn(2)["vastus"]}, FS)])
