@@ -45,7 +45,7 @@ SEED = 71_552_009
 
 FILES_PER_LAYOUT = sized(2, smallest=1)
 USED_LAYOUTS = sized(LAYOUTS, smallest=LAYOUTS[:2])
-SPOILINGS = tuple(kind for kind in FINDING_KINDS)
+SPOILINGS = FINDING_KINDS
 CHECKED_SPOILINGS = 1
 """Spoilings of each file, by turns, that `check` examines too."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -132,8 +132,32 @@ def _cell(x: float) -> str:
     return "" if text == "nan" else text
 
 
-def _table(rows: Sequence[Sequence[str]], delimiter: str) -> str:
-    return "\n".join(delimiter.join(row) for row in rows) + "\n"
+_raw_cell = "{:.7g}".format
+"""Text of a value whose missing samples are "nan"."""
+
+
+def _table(rows: Iterable[Sequence[str]], delimiter: str) -> str:
+    return _text([delimiter.join(row) for row in rows])
+
+
+def _samples(r: EmgRecording, time: str = ".6f", cell: Callable[[float], str] = _cell) -> Iterator[list[str]]:
+    """Yield the cells of each sample: its time in a format, and every channel."""
+    for t, row in zip(r.time.tolist(), r.emg.tolist(), strict=True):
+        yield [format(t, time), *map(cell, row)]
+
+
+def _numbered_samples(r: EmgRecording) -> Iterator[list[str]]:
+    """Yield the cells of each sample behind its number, from 1."""
+    return ([f"{i}", *row] for i, row in enumerate(_samples(r, cell=_raw_cell), start=1))
+
+
+def _text(lines: Sequence[str]) -> str:
+    return "\n".join(lines) + "\n"
+
+
+def _write(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
 
 
 # --- text of vendors -------------------------------------------------------------------------------------------------
@@ -151,9 +175,7 @@ def delsys_emgworks(folder: Path, stem: str, r: EmgRecording, labels: Labelled, 
             columns += [[f"{x:.7f}" for x in slow], [f"{0.5 + 0.2 * np.sin(5.7 * x + phase):.6f}" for x in slow]]
     height = max(map(len, columns))
     filled = [column + [""] * (height - len(column)) for column in columns]
-    path = folder / f"{stem}.csv"
-    path.write_text(_table([heads, *zip(*filled, strict=True)], ","), encoding="utf-8")
-    return path
+    return _write(folder / f"{stem}.csv", _table([heads, *zip(*filled, strict=True)], ","))
 
 
 def trigno_discover(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
@@ -165,11 +187,8 @@ def trigno_discover(folder: Path, stem: str, r: EmgRecording, labels: Labelled, 
         "Application:,Trigno Discover", "Version:,1.7.1", "Date/Time:,5/12/2024 10:21:33 AM",
         f"Collection Length (seconds):,{r.time[-1]:.3f}", "", ",".join(heads),
     ]  # fmt: skip
-    for t, row in zip(r.time.tolist(), r.emg.tolist(), strict=True):
-        lines.append(",".join(f"{t:.7f},{_cell(x)}" for x in row))
-    path = folder / f"{stem}.csv"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    lines += [",".join(f"{t},{x}" for x in row) for t, *row in _samples(r, ".7f")]
+    return _write(folder / f"{stem}.csv", _text(lines))
 
 
 def noraxon_mr3(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
@@ -178,26 +197,16 @@ def noraxon_mr3(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit
         f"Record name,{stem},",
         "Measurement date,2024-05-12 10:21,",
         "",
-        ",".join(["time,s", "Activity", "Marker"]).replace("time,s", '"time,s"')
-        + ","
-        + ",".join(f'"Ultium EMG.{label},{unit}"' for label in labels),
+        ",".join(['"time,s"', "Activity", "Marker", *(f'"Ultium EMG.{label},{unit}"' for label in labels)]),
     ]
-    lines += [",".join([f"{t:.6f}", "Activity", "", *(_cell(x) for x in row)])
-              for t, row in zip(r.time.tolist(), r.emg.tolist(), strict=True)]  # fmt: skip
-    path = folder / f"{stem}.csv"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    table = _table(([t, "Activity", "", *row] for t, *row in _samples(r)), ",")
+    return _write(folder / f"{stem}.csv", _text(lines) + table)
 
 
 def noraxon_plain(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
     """MyoResearch, exported for a spreadsheet: one line of names with units in brackets, semicolons."""
-    lines = [";".join(["Time (s)", *(f"{label} ({unit})" for label in labels)])]
-    lines += [
-        ";".join([f"{t:.6f}", *(_cell(x) for x in row)]) for t, row in zip(r.time.tolist(), r.emg.tolist(), strict=True)
-    ]
-    path = folder / f"{stem}.csv"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    heads = ["Time (s)", *(f"{label} ({unit})" for label in labels)]
+    return _write(folder / f"{stem}.csv", _table([heads, *_samples(r)], ";"))
 
 
 def cometa_text(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
@@ -206,13 +215,7 @@ def cometa_text(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit
         "EMG and Motion Tools\t8.7.6", f"Frequency [Hz]\t{r.rate:g}", f"Samples\t{len(r.time)}", "",
         "\t".join(["Time [s]", *(f"{label} [{unit}]" for label in labels)]),
     ]  # fmt: skip
-    lines += [
-        "\t".join([f"{t:.6f}", *(_cell(x) for x in row)])
-        for t, row in zip(r.time.tolist(), r.emg.tolist(), strict=True)
-    ]
-    path = folder / f"{stem}.txt"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    return _write(folder / f"{stem}.txt", _text(lines) + _table(_samples(r), "\t"))
 
 
 def labchart_text(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
@@ -223,11 +226,8 @@ def labchart_text(folder: Path, stem: str, r: EmgRecording, labels: Labelled, un
         "TimeFormat=\tStartOfBlock",
         "DateFormat=\t", "\t".join(["ChannelTitle=", *labels]), "\t".join(["Range=", *tops]),
     ]  # fmt: skip
-    lines += ["\t".join([f"{t:.6f}", *("NaN" if np.isnan(x) else f"{x:.7g}" for x in row)])
-              for t, row in zip(r.time.tolist(), r.emg.tolist(), strict=True)]  # fmt: skip
-    path = folder / f"{stem}.txt"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    table = _table(_samples(r, cell=lambda x: _cell(x) or "NaN"), "\t")
+    return _write(folder / f"{stem}.txt", _text(lines) + table)
 
 
 def biopac_text(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
@@ -235,15 +235,9 @@ def biopac_text(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit
     lines = [f"{stem}.acq", f"{1e3 / r.rate:.7g} msec/sample", f"{len(labels)} channels"]
     for label in labels:
         lines += [label, {"uV": "microvolts", "mV": "mV", "V": "Volts", "%": "%"}[unit]]
-    lines.append(",".join(["sec", *(f"CH{k + 1}" for k in range(len(labels)))]) + ",")
-    lines.append(",".join(["", *(f"{len(r.time)}" for _ in labels)]) + ",")
-    lines += [
-        ",".join([f"{t:.6f}", *(_cell(x) for x in row)]) + ","
-        for t, row in zip(r.time.tolist(), r.emg.tolist(), strict=True)
-    ]
-    path = folder / f"{stem}.txt"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    heads = [["sec", *(f"CH{k + 1}" for k in range(len(labels)))], ["", *(f"{len(r.time)}" for _ in labels)]]
+    table = _table(([*row, ""] for row in (*heads, *_samples(r))), ",")
+    return _write(folder / f"{stem}.txt", _text(lines) + table)
 
 
 def bts_emt(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
@@ -253,11 +247,7 @@ def bts_emt(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: st
         f"Frequency:\t{r.rate:g} Hz", f"Frames:\t{len(r.time)}", f"Start time:\t{r.time[0]:.3f}", "",
         "\t".join(["Frame", "Time", *labels]), "",
     ]  # fmt: skip
-    lines += ["\t".join([f"{i + 1}", f"{t:.6f}", *(f"{x:.7g}" for x in row)])
-              for i, (t, row) in enumerate(zip(r.time.tolist(), r.emg.tolist(), strict=True))]  # fmt: skip
-    path = folder / f"{stem}.emt"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    return _write(folder / f"{stem}.emt", _text(lines) + _table(_numbered_samples(r), "\t"))
 
 
 def vicon_devices(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
@@ -267,12 +257,8 @@ def vicon_devices(folder: Path, stem: str, r: EmgRecording, labels: Labelled, un
         ",".join(["Frame", "Sub Frame", *labels]), ",".join(["", "", *(unit for _ in labels)]),
     ]  # fmt: skip
     per = 10
-    lines += [
-        ",".join([f"{i // per + 1}", f"{i % per}", *(f"{x:.7g}" for x in row)]) for i, row in enumerate(r.emg.tolist())
-    ]
-    path = folder / f"{stem}.csv"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    rows = ([f"{i // per + 1}", f"{i % per}", *row] for i, (_, *row) in enumerate(_samples(r, cell=_raw_cell)))
+    return _write(folder / f"{stem}.csv", _text(lines) + _table(rows, ","))
 
 
 def qualisys_tsv(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
@@ -283,11 +269,7 @@ def qualisys_tsv(folder: Path, stem: str, r: EmgRecording, labels: Labelled, uni
         "DATA_INCLUDED\tANALOG", "\t".join(["CHANNEL_NAMES", *labels]), "\t".join(["UNITS", *(unit for _ in labels)]),
         "\t".join(["SAMPLE", "TIME", *labels]),
     ]  # fmt: skip
-    lines += ["\t".join([f"{i + 1}", f"{t:.6f}", *(f"{x:.7g}" for x in row)])
-              for i, (t, row) in enumerate(zip(r.time.tolist(), r.emg.tolist(), strict=True))]  # fmt: skip
-    path = folder / f"{stem}.tsv"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    return _write(folder / f"{stem}.tsv", _text(lines) + _table(_numbered_samples(r), "\t"))
 
 
 def opensignals_text(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
@@ -300,10 +282,8 @@ def opensignals_text(folder: Path, stem: str, r: EmgRecording, labels: Labelled,
         }
     }  # fmt: skip
     lines = ["# OpenSignals Text File Format", f"# {json.dumps(facts)}", "# EndOfHeader"]
-    lines += ["\t".join([f"{i}", *(f"{x:.7g}" for x in row)]) for i, row in enumerate(r.emg.tolist())]
-    path = folder / f"{stem}.txt"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    rows = ([f"{i}", *row] for i, (_, *row) in enumerate(_samples(r, cell=_raw_cell)))
+    return _write(folder / f"{stem}.txt", _text(lines) + _table(rows, "\t"))
 
 
 def motion_lab_text(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
@@ -312,45 +292,26 @@ def motion_lab_text(folder: Path, stem: str, r: EmgRecording, labels: Labelled, 
         "Motion Lab Systems EMG Graphing export", f"Sample rate: {r.rate:g} Hz", "",
         "\t".join(["Time", *labels]), "\t".join(["(s)", *(f"({unit})" for _ in labels)]),
     ]  # fmt: skip
-    lines += [
-        "\t".join([f"{t:.6f}", *(_cell(x) for x in row)])
-        for t, row in zip(r.time.tolist(), r.emg.tolist(), strict=True)
-    ]
-    path = folder / f"{stem}.txt"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    return _write(folder / f"{stem}.txt", _text(lines) + _table(_samples(r), "\t"))
 
 
 def plain_csv(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
     """time_s, VL_mV, ..."""
-    path = folder / f"{stem}.csv"
-    rows = [["time_s", *(f"{label.replace(' ', '_')}_{'percent' if unit == '%' else unit}" for label in labels)]]
-    rows += [[f"{t:.7g}", *(_cell(x) for x in row)] for t, row in zip(r.time.tolist(), r.emg.tolist(), strict=True)]
-    path.write_text(_table(rows, ","), encoding="utf-8")
-    return path
+    heads = ["time_s", *(f"{label.replace(' ', '_')}_{'percent' if unit == '%' else unit}" for label in labels)]
+    return _write(folder / f"{stem}.csv", _table([heads, *_samples(r, ".7g")], ","))
 
 
 def comma_csv(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
     """A European spreadsheet: semicolons, and commas in numbers."""
-    path = folder / f"{stem}.csv"
-    rows = [["Time [ms]", *(f"{label} [{unit}]" for label in labels)]]
-    rows += [
-        [f"{1e3 * t:.7g}", *(_cell(x) for x in row)] for t, row in zip(r.time.tolist(), r.emg.tolist(), strict=True)
-    ]
-    path.write_text(_table([rows[0], *([c.replace(".", ",") for c in row] for row in rows[1:])], ";"), encoding="utf-8")
-    return path
+    heads = ["Time [ms]", *(f"{label} [{unit}]" for label in labels)]
+    samples = _table(_samples(replace(r, time=1e3 * r.time), ".7g"), ";").replace(".", ",")
+    return _write(folder / f"{stem}.csv", _table([heads], ";") + samples)
 
 
 def indexed_csv(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
     """A script's export: wall-clock stamps in seconds since 1970 and a line of units."""
-    path = folder / f"{stem}.csv"
-    rows = [["timestamp", *labels], ["s", *(unit for _ in labels)]]
-    rows += [
-        [f"{1715500000.0 + t:.6f}", *(_cell(x) for x in row)]
-        for t, row in zip(r.time.tolist(), r.emg.tolist(), strict=True)
-    ]
-    path.write_text(_table(rows, ","), encoding="utf-8")
-    return path
+    rows = [["timestamp", *labels], ["s", *(unit for _ in labels)], *_samples(replace(r, time=1715500000.0 + r.time))]
+    return _write(folder / f"{stem}.csv", _table(rows, ","))
 
 
 def opensim_sto(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit: str) -> Path:
@@ -359,13 +320,7 @@ def opensim_sto(folder: Path, stem: str, r: EmgRecording, labels: Labelled, unit
         stem, "version=1", f"nRows={len(r.time)}", f"nColumns={len(labels) + 1}", "inDegrees=no", "endheader",
         "\t".join(["time", *labels]),
     ]  # fmt: skip
-    lines += [
-        "\t".join([f"{t:.7g}", *(f"{x:.8g}" for x in row)])
-        for t, row in zip(r.time.tolist(), r.emg.tolist(), strict=True)
-    ]
-    path = folder / f"{stem}.sto"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    return _write(folder / f"{stem}.sto", _text(lines) + _table(_samples(r, ".7g", "{:.8g}".format), "\t"))
 
 
 # --- MATLAB ----------------------------------------------------------------------------------------------------------
