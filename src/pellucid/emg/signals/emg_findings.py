@@ -202,30 +202,30 @@ def emg_quality(
     is_wrong_unit = unit not in (*RELATIVE_UNITS, "") and not _is_muscle_sized(typical * EMG_UNITS[unit])
     if time is not None:
         found += clock_findings("time", _checked_times(time, len(values)), rate)
-    swapped = {}
+    swapped: dict[int | str, EmgFinding] = {}
     if reference is not None and unit not in RELATIVE_UNITS:
         beside = _checked_emg(reference, rate, channels, unit)
         if beside.shape[1] != values.shape[1]:
             raise PellucidError(
                 f"emg_quality: found a reference of {beside.shape[1]} channels, expected {values.shape[1]} as in emg"
             )
-        swapped = exchanged_findings(values, beside, rate, named)
+        pairs = exchanged_pairs(electrode_places(values, rate), electrode_places(beside, rate))
+        swapped = exchanged_findings(pairs, named, len(values) / rate)
     for name, x in zip(named, values.T, strict=True):
         found += _channel_findings(name, x, rate, unit, typical, is_wrong_unit)
-        found += swapped.get(name, [])
+        found += [swapped[name]] if name in swapped else []
     return tuple(found)
 
 
 def exchanged_findings(
-    emg: np.ndarray, reference: np.ndarray, rate: float, named: Sequence[int | str], beside: str = "the reference"
-) -> dict[int | str, list[EmgFinding]]:
-    """Return which channels of raw EMG, (n, channels), are exchanged against a reference, by channel."""
+    pairs: Sequence[tuple[int, int]], named: Sequence[int | str], end: float, beside: str = "the reference"
+) -> dict[int | str, EmgFinding]:
+    """Return the findings of exchanged channels, by channel; `end` is the duration of their recording [s]."""
     found = {}
-    for i, j in exchanged_pairs(electrode_places(emg, rate), electrode_places(reference, rate)):
+    for i, j in pairs:
         for own, other in ((i, j), (j, i)):
             said = f"it shows what {named[other]} shows in {beside}, and {named[other]} what it shows there"
-            one = EmgFinding(named[own], "exchanged", 0.0, len(emg) / rate, 1.0, CONSEQUENCES["exchanged"], said)
-            found[named[own]] = [one]
+            found[named[own]] = EmgFinding(named[own], "exchanged", 0.0, end, 1.0, CONSEQUENCES["exchanged"], said)
     return found
 
 

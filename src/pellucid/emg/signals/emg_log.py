@@ -9,7 +9,7 @@ import numpy as np
 
 from ...files.log import ALARM_LEVEL, Log, LogChannel, LogFinding
 from .emg_findings import RELATIVE_UNITS, EmgFinding, clock_findings, emg_quality, exchanged_findings
-from .exchanged import differing_recordings
+from .exchanged import exchanged_recordings
 
 MIN_SECONDS = 1.0
 """Shortest stretch of EMG that is examined [s]."""
@@ -52,10 +52,10 @@ def exchanged_log_findings(logs: Sequence[Log]) -> list[list[LogFinding]]:
             if own.unit not in RELATIVE_UNITS and len(own.names) > 1:
                 groups.setdefault((own.names, round(own.rate)), []).append((i, own))
     for group in groups.values():
-        for at, beside in differing_recordings([own.samples for _, own in group], group[0][1].rate):
-            (i, own), (j, _) = group[at], group[beside]
-            by_channel = exchanged_findings(own.samples, group[beside][1].samples, own.rate, own.names, logs[j].file)
-            found[i] += [_finding(one, own.rate) for each in by_channel.values() for one in each]
+        for each in exchanged_recordings([own.samples for _, own in group], group[0][1].rate):
+            (i, own), (j, _) = group[each.place], group[each.reference]
+            by_channel = exchanged_findings(each.pairs, own.names, len(own.samples) / own.rate, logs[j].file)
+            found[i] += [_finding(one, own.rate) for one in by_channel.values()]
     return found
 
 

@@ -122,22 +122,32 @@ def exchanged_pairs(one: ElectrodePlaces | None, other: ElectrodePlaces | None) 
     return sorted(pairs)
 
 
-def differing_recordings(emg: Sequence[np.ndarray], rate: float) -> list[tuple[int, int]]:
-    """Return the recordings of raw EMG (n, channels) with exchanged channels, each with its reference recording.
+@dataclass(frozen=True)
+class ExchangedRecording:
+    """A recording with exchanged channels, by its place and that of its reference among some recordings."""
+
+    place: int
+    reference: int
+    pairs: tuple[tuple[int, int], ...]  # Channels that are exchanged
+
+
+def exchanged_recordings(emg: Sequence[np.ndarray], rate: float) -> list[ExchangedRecording]:
+    """Return the recordings of raw EMG (n, channels) with exchanged channels.
 
     The first recording is the reference, unless most of the others differ from it.
     """
     places = [electrode_places(x, rate) for x in emg]
 
-    def differing(reference: int) -> list[int]:
-        return [k for k, own in enumerate(places) if k != reference and exchanged_pairs(own, places[reference])]
+    def differing(reference: int) -> list[ExchangedRecording]:
+        others = [(k, exchanged_pairs(own, places[reference])) for k, own in enumerate(places) if k != reference]
+        return [ExchangedRecording(k, reference, tuple(pairs)) for k, pairs in others if pairs]
 
     found = differing(0) if len(emg) > 1 else []
     if len(found) > 1 and 2 * len(found) >= len(emg) - 1:
-        others = differing(found[0])
+        others = differing(found[0].place)
         if len(others) < len(found):
-            return [(k, found[0]) for k in others]
-    return [(k, 0) for k in found]
+            return others
+    return found
 
 
 def _misfits(one: ElectrodePlaces, other: ElectrodePlaces, places: Sequence[int]) -> np.ndarray:

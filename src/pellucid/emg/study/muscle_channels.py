@@ -19,7 +19,7 @@ from ...study.study import Study
 from ..signals.emg_chain import EmgChain, emg_chain
 from ..signals.emg_findings import exchanged_findings, without_short_peaks
 from ..signals.emg_quality import FINDING_FAULTS, channel_fault, find_hum, inspect_emg
-from ..signals.exchanged import differing_recordings
+from ..signals.exchanged import exchanged_recordings
 from .emg_torque.emg_torque_table import EmgTorqueTable
 from .muscle_tables import EnvelopeTable, MuscleTable
 
@@ -270,11 +270,11 @@ def exchanged_faults(streams: Sequence[Recording]) -> list[Fault]:
     found = []
     for group in groups.values():
         own = list(group.values())
-        for at, beside in differing_recordings([samples for _, _, samples in own], own[0][0].fs):
-            (stream, names, samples), (other, _, reference) = own[at], own[beside]
-            by_channel = exchanged_findings(samples, reference, stream.fs, names, other.path.name)
+        for each in exchanged_recordings([samples for _, _, samples in own], own[0][0].fs):
+            (stream, names, samples), (other, _, _) = own[each.place], own[each.reference]
+            by_channel = exchanged_findings(each.pairs, names, len(samples) / stream.fs, other.path.name)
             severity, kind, expected = FINDING_FAULTS["exchanged"]
-            for name, (one,) in by_channel.items():
+            for name, one in by_channel.items():
                 where = stream.path.name, stream.name, str(name)
                 found.append(channel_fault(severity, kind, *where, one.found, expected))
     return found
