@@ -1,5 +1,7 @@
 """EMG that is not fit to be used, and EMG that is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_emg import FS, emg_recording, raw_emg
@@ -111,6 +113,14 @@ def test_hum_is_found_at_either_frequency_of_the_mains_and_its_key_is_named(main
     assert f'mains = "{mains:g} Hz"' in fault.message
     assert find_hum([recording]) == mains
     assert find_hum([emg_recording("sound", biceps=SOUND)]) is None
+
+
+def test_the_key_that_removes_hum_from_a_short_piece_is_that_of_its_file(rng):
+    whole = emg_recording("hum", biceps=humming(60.0, rng))
+    piece = replace(emg_recording("hum", biceps=whole["emg.biceps"][: round(FS)]), uncut=whole)
+    (fault,) = inspect_emg(piece, notches=())
+    assert "hum at 60 Hz" in fault.found
+    assert 'mains = "60 Hz"' in fault.message
 
 
 @pytest.mark.parametrize("mains", [50.0, 60.0])

@@ -52,7 +52,7 @@ def inspect_emg(recording: Recording, *, notches: Sequence[float] | None = None)
     `notches` [Hz] are the frequencies that the study's chain removes; None if study.toml cannot set a notch.
     """
     faults: list[Fault] = []
-    findings = _findings_within(recording)
+    whole, findings = recording.uncut or recording, _findings_within(recording)
     for name, channel in recording.channels.items():
         if not name.startswith("emg."):
             continue
@@ -63,9 +63,9 @@ def inspect_emg(recording: Recording, *, notches: Sequence[float] | None = None)
             faults.append(_fault("refuse", "missing_samples", recording, name, found, "a number in every sample"))
         own = [one for one in findings if one.channel == name and not (missing.size and one.kind == "dropout")]
         if channel.unit == "V":
-            faults += _raw_faults(recording, name, x, notches, own)
+            faults += _raw_faults(recording, name, whole[name], notches, own)
         elif not missing.size:
-            faults += [*_relative_faults(recording, name, x), *_raw_faults(recording, name, x, notches, own)]
+            faults += [*_relative_faults(recording, name, x), *_raw_faults(recording, name, whole[name], notches, own)]
     return sorted(faults, key=lambda fault: fault.severity != "refuse")
 
 
@@ -157,6 +157,7 @@ FINDING_FAULTS = {
 def _raw_faults(
     recording: Recording, name: str, x: np.ndarray, notches: Sequence[float] | None, findings: Sequence[EmgFinding]
 ) -> list[Fault]:
+    """Return the faults of `findings`, which a channel of the whole file, (n,), has."""
     faults = []
     for one in findings:
         if one.kind == "mains":
