@@ -483,6 +483,7 @@ def test_the_page_shows_what_was_found(tmp_path, calibrated):
     for words in (
         "Torque from EMG: knee, judged",
         "Inputs of each estimator",
+        "the weighted mean of all candidates",
         "ridge regression without EMG",
         "fig-torque_1",
         "fig-errors",

@@ -545,10 +545,12 @@ def _method_section(study: Study) -> Section:
     paragraphs.append(
         "Features and settings are chosen by cross-validation over whole repetitions, or over blocks of time with gaps "
         "as long as the memory of the features. Held-out recordings are not used for this choice. The recommended "
-        "estimator is chosen by tests that extrapolate: on whole recordings or repetitions if there are several, "
-        "otherwise from slow to fast strides, from fast to slow strides, and to the fifth of the samples with the "
-        "largest effort and speed. If two estimators do not differ in these tests, muscles are preferred to linear "
-        "regression, and linear regression to trees. The 90 % prediction band is derived from the errors in these "
-        "tests."
+        "estimator is the weighted mean of all candidates with the smallest error in tests within the fitted "
+        "recordings. Each of several recordings or repetitions is a test set once. With fewer than three, blocks of "
+        "time are test sets, too. A candidate with nearly all of the weight is recommended alone. Muscles held by "
+        "anatomy are recommended for recordings that are unlike all fitted ones. The 90 % prediction band is derived "
+        "from the errors in these recordings or repetitions. Within a single recording, it is derived from harder "
+        "tests: slow against fast strides, and the fifth of the samples with the largest effort or speed against the "
+        "rest."
     )
     return Section("emg_method", "How", (" ".join(paragraphs),), notes=study.notes)
