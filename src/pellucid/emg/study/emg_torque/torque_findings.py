@@ -312,11 +312,13 @@ def _predict_by_fold(
     groups: Sequence[str], trials: Sequence[TorqueTrial], results: Mapping[str, CrossValidated]
 ) -> dict[str, Recommendation]:
     """Return the recommendation without each group of trials; empty if no estimator may be recommended."""
-    tests = [
-        {name: r.examined[j] for name, r in results.items() if r.examined and r.examined[j] is not None}
-        for j in range(len(groups))
-    ]
+    tests = [_tests_of_fold(results, j) for j in range(len(groups))]
     return {group: recommend(each) for group, each in zip(groups, tests, strict=True)} if all(tests) else {}
+
+
+def _tests_of_fold(results: Mapping[str, CrossValidated], fold: int) -> dict[str, ConditionTestErrors]:
+    """Return the condition tests of every estimator that has some without the trials of a fold."""
+    return {name: r.examined[fold] for name, r in results.items() if r.examined and r.examined[fold] is not None}
 
 
 def _evaluate_folds(
@@ -343,13 +345,7 @@ def _evaluate_folds(
         by_trial[t.name] = Score(own.rmse * (reported / alone if alone > 0.0 else 1.0), own.r2)
     whole = score(np.concatenate([t.torque for t in trials]), np.concatenate([made[t.name] for t in trials]))
     rmse = whole.rmse if alike.kind == "steps" else float(np.mean([s.rmse for s in by_trial.values()]))
-    tests = {
-        group: combine_tests(
-            {name: r.examined[j] for name, r in results.items() if r.examined and r.examined[j] is not None},
-            found[group].weights,
-        )
-        for j, group in enumerate(groups)
-    }
+    tests = {group: combine_tests(_tests_of_fold(results, j), found[group].weights) for j, group in enumerate(groups)}
     one = replace(
         alike, estimator=Counter(of.values()).most_common(1)[0][0], score=Score(rmse, whole.r2), by_trial=by_trial,
         choice=", ".join(f"{name} without {group}" for group, name in of.items()), examined=None,
