@@ -108,7 +108,7 @@ def test_muscles_weigh_trials_unless_a_published_method_asks_otherwise():
     assert not any(ESTIMATOR_FAMILIES[n].weight_argument for n in published)
 
 
-def test_condition_tests_report_errors_by_weight():
+def test_condition_tests_report_the_weights_of_samples():
     slow, fast = two_speeds()
     found = run_condition_tests(fit_torque_map([slow, fast], "ridge"), [slow, fast])
     weights = find_row_weights([slow.torque, fast.torque])
@@ -116,12 +116,10 @@ def test_condition_tests_report_errors_by_weight():
     # Each trial is held out once, and blocks of both are, in which samples keep the weights of their trials.
     assert found.words == ("without slow", "without fast", *(f"block {i}" for i in range(1, 6)))
     assert all(np.array_equal(own, weights[test.judged]) for own, test in zip(found.weights, tests, strict=True))
-    wanted = [np.sqrt(np.mean(own * e**2)) for own, e in zip(found.weights, found.errors, strict=True)]
-    assert found.weighted_rmse == pytest.approx(wanted)
     trial_weights = find_trial_weights([slow.torque, fast.torque])
-    assert found.weighted_rmse[:2] == pytest.approx(np.sqrt(trial_weights) * found.rmse[:2])
+    assert [np.unique(own) for own in found.weights[:2]] == pytest.approx(np.reshape(trial_weights, (2, 1)))
     alone = run_condition_tests(fit_torque_map([slow], "ridge"), [slow])
-    assert alone.weighted_rmse == ()
+    assert alone.weights == ()
 
 
 def test_the_regressor_of_arrays_weighs_groups():

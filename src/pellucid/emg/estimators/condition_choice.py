@@ -59,9 +59,6 @@ Chosen by judgement; no measurement is recorded.
 LEFT_OUT_WORDS = "without"
 """Beginning of the description of a test that leaves out a condition."""
 
-ANATOMY_RANK = 0
-"""Extrapolation rank of muscles that anatomy holds."""
-
 FITTED_CALM_SHARE = 0.8
 """Share of the samples that are fitted if those with the most effort or speed are the test set.
 
@@ -108,8 +105,6 @@ class ConditionTestErrors:
     rmse: tuple[float, ...]  # RMSE in each test [N m]; NaN if the estimator could not be fitted
     half_width: float  # Half width of the band that should hold the share `ERROR_BAND.share` in other conditions [N m]
     conditions: int = 1  # Number of recordings, sessions or repetitions left out in turn; 1: parts of a single one
-    # RMSE in each test with trials weighed by the noise model, by which estimators are compared [N m]; empty: as `rmse`
-    weighted_rmse: tuple[float, ...] = ()
     # Share of the errors of each test within the band that the other tests give; None with fewer than three tests
     left_out_coverage: float | None = None
     # Errors in each test, shape (n,) each [N m], and the weights of their samples by the noise model
@@ -160,13 +155,10 @@ def weighted_mean(weights: Mapping[str, float], predicted: Mapping[str, np.ndarr
 
 def recommend(found: Mapping[str, ConditionTestErrors]) -> Recommendation:
     """Return the weights of the candidates, from results of the same tests by name."""
-    finite = np.isfinite([each.weighted_rmse or each.rmse for each in found.values()])
+    finite = np.isfinite([each.rmse for each in found.values()])
     whole = np.flatnonzero(finite.all(axis=0))
     if not len(whole):
         raise IdentificationError(f"choice: found no test recording that {', '.join(found)} all predict, expected one")
-    if not all(each.errors for each in found.values()):
-        means = {n: float(np.mean(np.square(each.weighted_rmse or each.rmse)[whole])) for n, each in found.items()}
-        return Recommendation({min(means, key=lambda name: means[name]): 1.0})
     moments = np.array([_error_moments(list(found.values()), i) for i in whole])
     names, shares = list(found), np.array(next(iter(found.values())).shares or np.ones(finite.shape[1]))[whole]
 
@@ -210,7 +202,7 @@ def _solve_weights(names: Sequence[str], moments: np.ndarray) -> dict[str, float
 
 def find_extrapolator(found: Mapping[str, ConditionTestErrors]) -> str | None:
     """Return the candidate to use on recordings unlike all fitted ones: muscles held by anatomy; None without any."""
-    held = [name for name in found if ESTIMATOR_FAMILIES[name].extrapolation_rank == ANATOMY_RANK]
+    held = [name for name in found if ESTIMATOR_FAMILIES[name].is_anatomical]
     return min(held, key=lambda name: np.nan_to_num(found[name].mean, nan=np.inf), default=None)
 
 
@@ -240,11 +232,6 @@ def _report_errors(
         tuple(float(np.sqrt(np.mean(e**2))) if len(e) else float("nan") for e in errors),
         find_error_band(band_errors, conditions),
         conditions,
-        tuple(
-            float(np.sqrt(np.mean(w * e**2))) if len(e) else float("nan") for e, w in zip(errors, weights, strict=True)
-        )
-        if weights
-        else (),
         find_left_out_coverage(band_errors, conditions),
         tuple(errors),
         tuple(weights),

@@ -62,9 +62,8 @@ class Family:
     fit_trials: Callable[[Any, str, bool], Any] | None = None
     aliases: tuple[str, ...] = ()  # Further names
     rank: int = 100  # Place in tables, the lowest first
-    # Ability to extrapolate. 0: muscles held by anatomy; 1: muscles that are not; 2: a model linear in its terms;
-    # 3: a model that stays within the torques it has seen
-    extrapolation_rank: int = 3
+    # Whether anatomy holds its form; it is then recommended for recordings unlike all fitted ones
+    is_anatomical: bool = False
     short: str = ""  # Name in legends; "": the description
     colour: str = "ink"  # Role of its colour in figures
     shows_muscles: bool = False  # Whether reports show the muscles that it calibrates, with the band of its torque

@@ -34,9 +34,7 @@ def make_network(settings: Mapping[str, Any], seen: Features) -> Regressor:
     return NeuralNetwork(settings["penalty"])
 
 
-linear_family = partial(
-    Family, make=make_ridge, shared_setting="penalty", smoothing=0.0, extrapolation_rank=2, weight_argument="row_weight"
-)
+linear_family = partial(Family, make=make_ridge, shared_setting="penalty", smoothing=0.0, weight_argument="row_weight")
 """Constructor of a family with the fields that all linear families have in common."""
 
 ridge_family = partial(linear_family, settings=RIDGE_SETTINGS, tries_all_pairs=True)
