@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ...files.cut import BRIDGED_LOWPASS_PERIODS, MIN_GAP_STEP_RATIO
+from ...files.defects.watched import find_runs
 from ...numerics.filters import zero_phase_lowpass
 from ...numerics.motion import Filtering, shortest
 from .angle_units import find_quantum
@@ -183,13 +184,8 @@ def cut_missing(choice: ProcessingChoice, tables: Sequence[np.ndarray], rate: fl
 def _sound_share(tables: Sequence[np.ndarray], choice: ProcessingChoice, decimate: int) -> float:
     """Return the share of samples that lie in stretches long enough for a regression between missing ones."""
     fewest = shortest(Filtering(choice.lowpass, 4, decimate, 0.0, choice.trim))
-    kept = whole = 0
-    for rows in tables:
-        ends = np.flatnonzero(np.diff(np.concatenate(([True], rows, [True])).astype(int)))
-        lengths = ends[1::2] - ends[::2]
-        kept += int(lengths[lengths >= fewest].sum())
-        whole += int(lengths.sum())
-    return kept / whole if whole else 0.0
+    lengths = np.concatenate([find_runs(~rows)[1] for rows in tables])
+    return float(lengths[lengths >= fewest].sum() / max(lengths.sum(), 1))
 
 
 def _kept_share(tables: Sequence[np.ndarray], lowpass: float, rate: float) -> float:
