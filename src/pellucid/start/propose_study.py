@@ -1976,25 +1976,11 @@ def _processing(main: Layout, drive: str | None) -> ProcessingChoice | None:
     missing = [_missing_rows(table, main, drive) for table in main.tables]
     lost = [_lost_periods(table, main, positions[0], 0 if i else first) for i, table in enumerate(main.tables)]
     once = slice(None) if lost[0] is None else _delivered_once(main.tables[0], main, first)
-    choices = [
-        choose_processing(*_without_missing(_decoded(main.tables[0], role)[first:][once], rate, lost[0]))
-        for role in positions
-    ]
+    choices = [choose_processing(_decoded(main.tables[0], role)[first:][once], rate, lost[0]) for role in positions]
     choice = max(choices, key=lambda choice: choice.lowpass)
     periods = [periods for periods in lost if periods is not None]
     choice = bridge_losses(choice, periods, rate) if periods else choice
     return cut_missing(choice, missing, rate)
-
-
-def _without_missing(
-    position: np.ndarray, rate: float, periods: np.ndarray | None
-) -> tuple[np.ndarray, float, np.ndarray | None]:
-    """Return a position without missing samples, its rate, and how many periods each of its steps lasts."""
-    known = np.isfinite(position)
-    if known.all() or known.sum() < 4:
-        return position, rate, periods
-    at = np.concatenate(([0.0], np.cumsum(np.ones(len(position) - 1) if periods is None else periods)))
-    return position[known], rate, np.diff(at[known])
 
 
 def _missing_rows(table: GivenTable, main: Layout, drive: str) -> np.ndarray:

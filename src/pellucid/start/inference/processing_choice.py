@@ -98,13 +98,15 @@ def find_lost_periods(time: np.ndarray, position: np.ndarray, rate: float) -> np
 def choose_processing(position: np.ndarray, rate: float, periods: np.ndarray | None = None) -> ProcessingChoice:
     """Return a proposal for a position, shape (n,), sampled at `rate` [Hz].
 
-    It is sampled evenly, or its steps last `periods`, (n - 1,), as `find_lost_periods` returns them. The power of the
-    acceleration falls while motion ends, and rises again where quanta and noise, differentiated twice, outweigh it.
-    The low-pass stands at the fall's end.
+    It is sampled evenly, or its steps last `periods`, (n - 1,), as `find_lost_periods` returns them. Missing samples
+    are NaN. The power of the acceleration falls while motion ends, and rises again where quanta and noise,
+    differentiated twice, outweigh it. The low-pass stands at the fall's end.
     """
     from scipy.signal import welch  # it loads all of scipy.stats
 
     known = position[np.isfinite(position)]
+    if periods is None and len(known) < len(position):
+        periods = np.ones(len(position) - 1)
     parts = [known] if periods is None else _even_parts(position, periods)
     longest = max(len(part) for part in parts)
     length = int(min(longest, max(256, 2 ** int(np.log2(max(rate * 4.0, 256.0))))))
