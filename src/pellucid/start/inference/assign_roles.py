@@ -112,7 +112,8 @@ class RoleLimits:
     # A motor and its joint turn in one ratio: what is left is at most this share of the angle's deviation, by play
     # and elasticity of the gear. Two joints of one machine are never so alike. Chosen by judgement.
     max_geared_residual: float = 0.02
-    # A motor turns at least so many times for a turn of its joint; sensors of one angle differ by less.
+    # A motor turns at least so many times for a turn of its joint. Sensors of one angle differ by less, and filters and
+    # delays change a speed by far less.
     min_gear_turns: float = 1.5
     # Positions are compared among at most so many columns.
     max_geared_positions: int = 20

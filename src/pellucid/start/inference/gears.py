@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...units import to_si_factor
-from .assign_roles import ColumnRole, TableRoles
+from .assign_roles import ROLE_LIMITS, ColumnRole, TableRoles
 from .joint_keys import is_named_motor, side_of
-
-MIN_TURNS = 1.5
-"""A speed is a motor's if it is at least so many times its joint's: filters and delays change it by far less."""
 
 WHOLE_TURNS_TOLERANCE = 0.01
 """A gear whose turns are within this share of a whole number has that number."""
@@ -36,7 +33,7 @@ def find_gear(roles: TableRoles, efforts: tuple[str, ...]) -> FoundGear | None:
     for pair in roles.pairs:
         of, by = channels.get(pair.of), channels.get(pair.by)
         ratio = None if of is None or by is None else _speed_ratio(of, by, abs(pair.ratio))
-        if ratio is not None and ratio >= MIN_TURNS:
+        if ratio is not None and ratio >= ROLE_LIMITS.min_gear_turns:
             speeds[pair.by] = ratio
     positions = {role.label: role for role in channels.values() if role.quantity == "position"}
     driving = [r for r in channels.values() if r.quantity in efforts and r.label in positions]
