@@ -24,7 +24,7 @@ from .defects import constant, echoed, frozen, garbage, held, limited, magnitude
 from .defects.clipped import flat_tops
 from .defects.watched import INERTIAL_CHANNELS, find_runs
 from .file_facts import NOMINAL_RATE_FACT, find_rate
-from .name_evidence import emg_muscle
+from .name_evidence import is_emg_by_unit
 from .personal_fields import PersonalField, find_personal_columns, find_personal_lines
 from .quantity import EFFORT_QUANTITIES, Quantity, joint_words, quantity_of
 from .readers._columns import Columns
@@ -255,7 +255,7 @@ def _with_short_muscles(channels: Sequence[LogChannel]) -> list[LogChannel]:
     units = [c.quantity.unit for c in channels if c.quantity.kind == "emg"]
     return [
         replace(c, quantity=replace(c.quantity, kind="emg"))
-        if len(units) > 1 and c.quantity.kind in ("voltage", "") and c.quantity.unit in units and emg_muscle(c.name)
+        if c.quantity.kind in ("voltage", "") and is_emg_by_unit(c.name, c.quantity.unit, units)
         else c
         for c in channels
     ]

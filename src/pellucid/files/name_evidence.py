@@ -409,6 +409,14 @@ def emg_muscle(name: str) -> str | None:
     return None if found is None else found.name
 
 
+def is_emg_by_unit(name: str, unit: str | None, emg_units: Sequence[str | None]) -> bool:
+    """Whether a column named after a muscle is EMG, because two or more columns are EMG and one of them has its unit.
+
+    `emg_units` are the units of the columns that are EMG, None if unstated.
+    """
+    return unit is not None and len(emg_units) > 1 and unit in emg_units and emg_muscle(name) is not None
+
+
 def _joint(bare: str) -> str | None:
     folded = bare.casefold()
     return next((joint for joint in JOINT_WORDS if joint in folded), None)

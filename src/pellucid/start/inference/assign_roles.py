@@ -16,6 +16,7 @@ from ...files.name_evidence import (
     QUANTITY_WORDS,
     NameEvidence,
     emg_muscle,
+    is_emg_by_unit,
     quantity_of_part,
     quantity_of_unit,
     read_name,
@@ -428,8 +429,8 @@ class _Assignment:
         units = [self._stated(name) for name, role in self.roles.items() if role.quantity == "emg"]
         for name in self._free():
             evidence = self.names[name]
-            is_alike = len(units) > 1 and self._stated(name) is not None and self._stated(name) in units
-            if is_alike and evidence.quantity in (None, "voltage", "emg") and emg_muscle(name):
+            could_be = evidence.quantity in (None, "voltage", "emg")
+            if could_be and is_emg_by_unit(name, self._stated(name), units):
                 self._set(name, "emg", "EMG, by its name and the unit of other EMG channels", evidence, False)
 
     def _find_inertial_sensors(self) -> None:
