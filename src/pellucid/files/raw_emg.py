@@ -15,7 +15,7 @@ import numpy as np
 from .._atomic import write_bytes_atomically, write_text_atomically
 from .._errors import RecordingError, missing_package
 from ..units import to_si_factor
-from .readers._bids import read_channel_rows, sidecar_files
+from .readers._bids import NOT_KNOWN, channel_muscles, read_channel_rows, sidecar_files
 
 BIDS_VERSION = "1.11.1"
 """Version of the Brain Imaging Data Structure in which EMG is written."""
@@ -28,9 +28,6 @@ RECORD_DURATIONS_S = (1.0, 0.5, 0.25, 0.2, 0.1, 0.05, 0.04, 0.02, 0.01)
 
 MAX_LABEL_LENGTH = 16
 """Largest number of characters of a channel's name in EDF and BDF files."""
-
-NOT_KNOWN = "n/a"
-"""Text that stands in BIDS for what is not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,9 +309,9 @@ def _to_volts(path: Path, name: str, unit: str) -> float:
 
 def _muscle_names(channels: list[str], listed: list[dict[str, str]]) -> list[str]:
     """Return the muscle of each channel, or the channels' own names if two have the same or one has none."""
-    muscles = {row["name"]: row.get("target_muscle", NOT_KNOWN) for row in listed}
-    names = [muscles.get(channel, NOT_KNOWN) for channel in channels]
-    return names if NOT_KNOWN not in names and len(set(names)) == len(names) else channels
+    muscles = channel_muscles(listed)
+    names = [muscles[channel] for channel in channels if channel in muscles]
+    return names if len(set(names)) == len(channels) else channels
 
 
 def _read_sidecar(path: Path) -> dict[str, Any]:

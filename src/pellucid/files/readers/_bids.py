@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from ..._errors import RecordingError
+
+NOT_KNOWN = "n/a"
+"""Text that stands in BIDS for what is not known."""
 
 
 def read_channel_rows(path: Path) -> list[dict[str, str]]:
@@ -20,6 +24,12 @@ def read_channel_rows(path: Path) -> list[dict[str, str]]:
             raise RecordingError(f"{file.name}: found a row without name or type, expected both in each")
         return rows
     return []
+
+
+def channel_muscles(rows: Iterable[Mapping[str, str]]) -> dict[str, str]:
+    """Return the muscle of each channel that has one, by the channel's name, from rows of ``channels.tsv``."""
+    muscles = {row["name"]: row.get("target_muscle") or NOT_KNOWN for row in rows}
+    return {name: muscle for name, muscle in muscles.items() if muscle != NOT_KNOWN}
 
 
 def sidecar_files(path: Path, ending: str) -> list[Path]:

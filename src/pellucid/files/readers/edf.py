@@ -16,7 +16,7 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ..file_facts import MUSCLE_FACT
-from ._bids import read_channel_rows
+from ._bids import channel_muscles, read_channel_rows
 from ._columns import Columns
 
 ENDINGS = (".edf", ".bdf")
@@ -52,9 +52,7 @@ def _muscle_facts(path: Path) -> dict[str, str]:
     """Return the muscle of each channel, from the files that accompany a recording in a BIDS data set."""
     if not path.stem.endswith("_emg"):
         return {}
-    rows = read_channel_rows(path)
-    muscles = {row["name"]: row.get("target_muscle") or "n/a" for row in rows}
-    return {f"{name}.{MUSCLE_FACT}": muscle for name, muscle in muscles.items() if muscle != "n/a"}
+    return {f"{name}.{MUSCLE_FACT}": muscle for name, muscle in channel_muscles(read_channel_rows(path)).items()}
 
 
 def _load(path: Path) -> Any:
