@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -569,11 +569,13 @@ class _Assignment:
             return self.hints.quantity
         return "position" if self.hints.angle_unit is not None and evidence.joint is not None else None
 
-    def _motions(self) -> dict[str, MotionSamples]:
+    def _motions(self, names: Iterable[str]) -> dict[str, MotionSamples]:
+        """Return the motions of the measured positions and angles among `names`."""
         is_timeless = self.rate is None and self.clock.column is None
         time = np.arange(len(self.time)) / 100.0 if is_timeless else self.time
         found = {}
-        for name, role in self.roles.items():
+        for name in names:
+            role = self.roles[name]
             if role.quantity in ("position", "angle") and not role.is_command and len(time) > 100:
                 found[name] = motion_samples(self.values[name], time)
         return found
@@ -607,7 +609,7 @@ class _Assignment:
             self._set(ranked[0], "position", "it is the smoothest column", self.names[ranked[0]], False)
 
     def _find_anonymous_efforts(self) -> None:
-        motions = self._motions()
+        motions = self._motions(self.roles)
         free = self._free()[: ROLE_LIMITS.max_effort_candidates]
         if not motions or not free:
             return
@@ -1101,12 +1103,13 @@ class _Assignment:
         if len(names) < 2:
             return
 
-        left = {name: rest for name in names if (rest := self._unexplained(name)) is not None}
-        least = min(left.values(), default=0.0)
+        left = self._unexplained(names)
+        most = ROLE_LIMITS.max_unexplained_ratio * min(left.values(), default=0.0)
+        late = {name for name, rest in left.items() if rest > most}
 
         def merit(name: str) -> tuple[float, int]:
             own, still = self._merit(name)
-            return own - (name in left and left[name] > ROLE_LIMITS.max_unexplained_ratio * least), still
+            return own - 1.0 * (name in late), still
 
         best = max(names, key=merit)
         for name in names:
@@ -1136,19 +1139,23 @@ class _Assignment:
     def _explained(self, name: str) -> float:
         """Return the largest share of an effort that the motion of a column explains."""
         if name not in self._shares:
-            motions = self._motions()
+            motions = self._motions(self.roles)
             shares = [effort_share(self.values[name], m, self._radians(other)) for other, m in motions.items()]
             self._shares[name] = max(shares, default=0.0)
         return self._shares[name]
 
-    def _unexplained(self, name: str) -> float | None:
-        """Return the least share of an effort that the motion of an angle leaves unexplained: a late one leaves more;
-        None of what is no angle in a known unit."""
-        motion, radians = self._motions().get(name), self._radians(name)
+    def _unexplained(self, names: Sequence[str]) -> dict[str, float]:
+        """Return the least share of an effort that the motion of each angle in a known unit leaves unexplained.
+
+        An angle that is recorded late leaves more.
+        """
         efforts = [n for n, r in self.roles.items() if r.quantity in DRIVE_QUANTITIES and not r.is_command]
-        if motion is None or radians is None or not efforts:
-            return None
-        return 1.0 - max(effort_share(self.values[effort], motion, radians) for effort in efforts)
+        motions = self._motions(names) if efforts else {}
+        return {
+            name: 1.0 - max(effort_share(self.values[effort], motion, radians) for effort in efforts)
+            for name, motion in motions.items()
+            if (radians := self._radians(name)) is not None
+        }
 
     def roughly_still(self, name: str) -> int:
         """Return the share of rows in which a column does not change [%]."""
