@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -123,8 +124,9 @@ def compare(
     >>> any(parameter.changed for parameter in compared.rows)
     False
     """
-    one = _fresh_card(Path(a), family, allow_outside, accept_stale)
-    two = _fresh_card(Path(b), family or one.family, allow_outside, accept_stale)
+    studies = [_study_of(Path(each), allow_outside, accept_stale) for each in (a, b)]
+    one = _fresh_card(Path(a), family, studies[0])
+    two = _fresh_card(Path(b), family or one.family, studies[1])
     for what in ("names", "motion", "effort_unit", "family"):
         first, second = (getattr(card, what, None) for card in (one, two))
         if first != second:
@@ -152,7 +154,7 @@ def compare(
     free = sd > 0.0
     statistic = float(difference[free] @ np.linalg.pinv(covariance[np.ix_(free, free)]) @ difference[free])
     joint_p = float(chdtrc(max(int(free.sum()), 1), statistic))
-    answer = _answer(rows, joint_p, level, (str(a), str(b)), _basis(Path(a), Path(b), allow_outside))
+    answer = _answer(rows, joint_p, level, (str(a), str(b)), _basis(studies))
     return Comparison(one.family, rows, statistic, joint_p, (_verdict(answer),), answer)
 
 
@@ -166,28 +168,26 @@ def _half_widths(sd: np.ndarray, z: np.ndarray, p: np.ndarray, level: float) -> 
     return sd * -ndtri(0.5 * (1.0 - level) / np.maximum(factors, 1.0))
 
 
-def _fresh_card(path: Path, family: str | None, allow_outside: bool, accept_stale: bool) -> Card | TreeCard:
+def _study_of(path: Path, allow_outside: bool, accept_stale: bool) -> Study | None:
+    """Return the study of a folder, or the one in whose folder a card stands; None without one."""
+    folder = next((each for each in (path, path.parent.parent) if (each / STUDY_FILE).is_file()), None)
+    return None if folder is None else open_study(folder, allow_outside=allow_outside, accept_stale=accept_stale)
+
+
+def _fresh_card(path: Path, family: str | None, study: Study | None) -> Card | TreeCard:
     """Return the card of a study, if the study still is what it was made from, or the card of that path."""
     card = _card(path, family)
-    if not (path / STUDY_FILE).is_file():
+    if study is None or not (path / STUDY_FILE).is_file():
         return card
-    study = open_study(path, allow_outside=allow_outside, accept_stale=accept_stale)
     return require_fresh(study, path / "models", card)
 
 
-def _basis(a: Path, b: Path, allow_outside: bool) -> Basis:
+def _basis(studies: Sequence[Study | None]) -> Basis:
     """Return the basis of a comparison: two cards, and what the studies that they stand in state of their origin."""
-    studies = [_study_of(path, allow_outside) for path in (a, b)]
     simulated = {None if each is None else each.config.simulated for each in studies}
     worn = any(each is not None and each.config.worn for each in studies)
     known = simulated.pop() if len(simulated) == 1 else None
     return Basis(2, 2, "model card", COMPARED_ESTIMATES, is_simulated=known, is_worn=worn)
-
-
-def _study_of(path: Path, allow_outside: bool) -> Study | None:
-    """Return the study of a folder, or the one in whose folder a card stands; None without one."""
-    folder = next((each for each in (path, path.parent.parent) if (each / STUDY_FILE).is_file()), None)
-    return None if folder is None else open_study(folder, allow_outside=allow_outside)
 
 
 def _card(path: Path, family: str | None) -> Card | TreeCard:
