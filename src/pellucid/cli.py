@@ -652,9 +652,7 @@ def export(
     from .controllers.export.controller_exporter import LAW_TARGETS
     from .controllers.export.export import export as run
     from .controllers.export.export import warn_of_export
-    from .controllers.export.fmu import describe_unit
     from .controllers.export.microcontroller import measure, missing_tools, save_measured
-    from .controllers.export.ros2_package import describe_package
     from .controllers.export.simulator_folder import SIMULATOR_FILES, describe_simulator_model
     from .emg.study.subject import describe_muscles
 
@@ -685,8 +683,8 @@ def export(
     warning = warn_of_export(made)
     if warning:
         print_line(console, warning)
-    if to in ("fmu", "ros2_control"):
-        print_line(console, describe_unit(made) if to == "fmu" else describe_package(made))
+    if describe := LAW_TARGETS[to].describe:
+        print_line(console, describe(made))
         return
     if found is None:
         print_line(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")

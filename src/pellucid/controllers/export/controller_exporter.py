@@ -29,8 +29,8 @@ from .c_folder import (
 )
 from .controller_values import ControllerValues, joint_values, protect_wearer, tree_values
 from .elbow_values import elbow_values
-from .fmu import FMI_VERSIONS, require_own_file, write_fmu
-from .ros2_package import C_FOLDER, PACKAGE_TEMPLATES, write_ros2_package
+from .fmu import FMI_VERSIONS, describe_unit, require_own_file, write_fmu
+from .ros2_package import C_FOLDER, PACKAGE_TEMPLATES, describe_package, write_ros2_package
 from .tree_folder import write_tree_folder
 
 MAX_PERIOD_S = 0.1
@@ -39,10 +39,11 @@ MAX_PERIOD_S = 0.1
 
 @dataclass(frozen=True)
 class LawTarget:
-    """What a law of one joint can be written as: the place, where none is asked for, and how it is written."""
+    """What a law of one joint can be written as: the place, where none is asked for, how it is written, and a sentence about it."""
 
     default_place: str  # in the study's folder
     write: Callable[[ExportRequest, ControllerValues, Path, dict[str, str]], Path]
+    describe: Callable[[Path], str] | None = None  # None for C, which `pellucid export` also compiles and measures
 
 
 def _write_c(request: ExportRequest, law: ControllerValues, out: Path, owner: dict[str, str]) -> Path:
@@ -68,8 +69,8 @@ def _write_ros2(request: ExportRequest, law: ControllerValues, out: Path, owner:
 
 LAW_TARGETS: Mapping[str, LawTarget] = {
     "c": LawTarget("controller", _write_c),
-    "fmu": LawTarget("controller.fmu", _write_fmu),
-    "ros2_control": LawTarget("ros2_control", _write_ros2),
+    "fmu": LawTarget("controller.fmu", _write_fmu, describe_unit),
+    "ros2_control": LawTarget("ros2_control", _write_ros2, describe_package),
 }
 """What a law of one joint can be written as, by the value of `to`."""
 
