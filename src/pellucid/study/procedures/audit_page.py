@@ -34,7 +34,7 @@ def audited_channels(audit: Audit) -> list[tuple[ChannelVerdict, str, Log, LogCh
     logs = {file.name: file.log for file in audit.files if file.log is not None}
     drawn = []
     for verdict in audit.verdicts:
-        for name, finding in sorted(verdict.findings, key=lambda each: _gravity(verdict, each[1]), reverse=True):
+        for name, finding in sorted(verdict.findings, key=lambda each: _severity(verdict, each[1]), reverse=True):
             channel = next((c for c in logs[name].channels if c.name == finding.channel), None)
             if channel is not None and finding.level == ALARM_LEVEL and np.isfinite(channel.samples).any():
                 drawn.append((verdict, name, logs[name], channel))
@@ -42,8 +42,8 @@ def audited_channels(audit: Audit) -> list[tuple[ChannelVerdict, str, Log, LogCh
     return drawn[:MAX_PANELS]
 
 
-def _gravity(verdict: ChannelVerdict, finding: LogFinding) -> tuple[bool, float]:
-    """Return how much a finding shows of a verdict: one of its kind first, then the largest."""
+def _severity(verdict: ChannelVerdict, finding: LogFinding) -> tuple[bool, float]:
+    """Return a key that sorts findings: those of the verdict's kind last, and the larger of two later."""
     return VERDICT_WORDS[finding.kind] == verdict.verdict, finding_size(finding)
 
 
