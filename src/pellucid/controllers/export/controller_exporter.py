@@ -39,11 +39,11 @@ MAX_PERIOD_S = 0.1
 
 @dataclass(frozen=True)
 class LawTarget:
-    """What a law of one joint can be written as: the place, where none is asked for, how it is written, and a sentence about it."""
+    """What a law of one joint can be written as: its place, where none is asked for, how it is written and described."""
 
     default_place: str  # in the study's folder
     write: Callable[[ExportRequest, ControllerValues, Path, dict[str, str]], Path]
-    describe: Callable[[Path], str] | None = None  # None for C, which `pellucid export` also compiles and measures
+    describe: Callable[[Path], str] | None = None  # None for C, which `pellucid export` measures
 
 
 def _write_c(request: ExportRequest, law: ControllerValues, out: Path, owner: dict[str, str]) -> Path:
