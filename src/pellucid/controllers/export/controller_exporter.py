@@ -39,7 +39,7 @@ MAX_PERIOD_S = 0.1
 
 @dataclass(frozen=True)
 class LawTarget:
-    """What a law of one joint can be written as: its place, where none is asked for, how it is written and described."""
+    """What a law of one joint can be written as: its place by default, how it is written, and its description."""
 
     default_place: str  # in the study's folder
     write: Callable[[ExportRequest, ControllerValues, Path, dict[str, str]], Path]
