@@ -23,16 +23,12 @@ from .certificate_text import change_text, interval_with_unit, p_text, people_te
 from .comparison import ConditionComparison, compare_conditions
 from .design_columns import DesignRole, columns_with_role, design_roles, level_of, too_many_levels
 from .equivalence import DEFAULT_CARRY_OVER, Equivalence, equivalence
-from .indices import INDICES
 from .learning import OrderedMovements, learning
 from .margin import Margin
 from .movement_indices import shared_cells
 from .movement_noise import MovementNoise, movement_noise
 from .share_of_people import DEFAULT_RULE
 from .uneven_losses import completed_values, excess_losses
-
-NEVER_ZERO = frozenset({"duration", "vmax", "vmean", "acceleration"})
-"""Values that every movement has above 0: a 0 there is how some programs write a missing value."""
 
 NO_MARGIN = Margin(-float("inf"), 0.0)
 """Margin of an index that has none: of its test only the change, its interval and the p value of no change are used."""
@@ -563,9 +559,9 @@ def _changes(
             f"assess, column {index}, row {i} ({rows.who[i]}, {rows.what[i]}): found {used[i]:g}, expected no negative "
             "values: its margin is a share of control"
         )
-    stopped = np.flatnonzero(used == 0.0)
-    if end.ratio and len(stopped) and (known := INDICES.get(index)) is not None and known.of in NEVER_ZERO:
-        i = int(stopped[0])
+    known, zero = end.catalogued, np.flatnonzero(used == 0.0)
+    if end.ratio and known is not None and known.is_positive and len(zero):
+        i = int(zero[0])
         raise PellucidError(
             f"assess, column {index}, row {i} ({rows.who[i]}, {rows.what[i]}): found 0, expected a positive value: no "
             f"movement has a {known.words.lower()} of 0; a movement without a value has NaN"

@@ -79,6 +79,7 @@ class Index:
     cut_off: CutOff = CutOff.NO_VALUE  # contribution of a movement that was cut off
     needs_unsettled: bool = False  # True: without a value where every movement of the study settled
     needs_robot: bool = False  # True: without a robot there is none, so that no change is a share of control's
+    is_positive: bool = False  # True: every movement has a value above 0, so that a 0 in a table is a missing value
     leads: bool = False  # True: the headline of an assessment tells its change
     sentence_words: str = ""  # beginning of its sentence in the paragraph where ``words`` would not say it
     paragraph_place: int = 0  # place among those the paragraph describes; of the others it says whether they differ
@@ -119,24 +120,24 @@ class Index:
 
 MOVEMENT_DURATION = Index(
     name="duration", words="Duration", short="Duration", unit="s",
-    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL, is_positive=True,
     of="duration", of_movement=lambda motion, movement: movement.duration, cut_off=CutOff.SEEN_DURATION,
     has_table=True, tries_rules=True, is_planned=True,
 )  # fmt: skip
 PEAK_VELOCITY = Index(
     name="vmax", words="Peak velocity", short="Peak velocity", unit="rad/s",
-    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL, is_positive=True,
     of="vmax", of_movement=lambda motion, movement: movement.peak_velocity,
     paragraph_place=3, panel_place=3, tile=Tile("Peak velocity"), has_table=True, tries_rules=True, is_planned=True,
 )  # fmt: skip
 MEAN_VELOCITY = Index(
     name="vmean", words="Mean velocity", short="Mean velocity", unit="rad/s",
-    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL, is_positive=True,
     of="vmean", of_movement=lambda motion, movement: movement.mean_velocity, tries_rules=True,
 )  # fmt: skip
 PEAK_ACCELERATION = Index(
     name="acceleration", words="Peak acceleration", short="Peak acceleration", unit="rad/s^2",
-    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL, is_positive=True,
     of="acceleration", of_movement=lambda motion, movement: movement.peak_acceleration,
     panel_place=4, tries_rules=True,
 )  # fmt: skip
@@ -201,7 +202,7 @@ WORK_AGAINST_ROBOT = Index(
 # The mean duration is not in the paragraph and the median is, because movements that were cut off distort a mean.
 MEDIAN_DURATION = Index(
     name="duration_median", words="Median duration", short="Median duration", unit="s",
-    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL, is_positive=True,
     of=MOVEMENT_DURATION.of, of_curve=lambda curve: curve.bounded_median, cut_off=CutOff.AT_LEAST_SEEN,
     leads=True,
     paragraph_place=1, panel_place=1, tile=Tile("Median duration"), has_table=True, is_planned=True,
