@@ -475,7 +475,7 @@ def _stated_in_words(name: str, stated: str, index: Index | None, where: str, *,
 
 
 MAX_SHARE = 1.0
-"""Largest relative margin: a larger number was meant in %."""
+"""Largest relative size that a number without a unit states: a larger number was meant in %."""
 
 
 def margin_of(name: str, margin: float | tuple[float, float], relative: bool = True) -> Margin:

@@ -33,7 +33,7 @@ from .._processes import processes
 from ..numerics.arguments import with_checked_arguments
 from ..numerics.tied_ranks import tied_ranks
 from ..units import parse_quantity
-from .analysis import ESTIMAND_METHODS, Analysis, EndPoint, Estimand, share_rule
+from .analysis import ESTIMAND_METHODS, MAX_SHARE, Analysis, EndPoint, Estimand, share_rule
 from .comparison import rank_sums, two_sided_p
 from .design_columns import MovementDuration
 from .equivalence import DEFAULT_CARRY_OVER, Margin, Method
@@ -50,10 +50,6 @@ MAX_INLINE_DRAWS = 5_000_000
 """A simulation of at most this many participants runs in this process; starting others would take longer."""
 
 Test = Literal["friedman", "nemenyi", "signed_rank"]
-
-
-MAX_BARE_SHARE = 1.0
-"""Largest share of control that a number without a unit states; a larger one is a percentage without its sign."""
 
 
 @dataclass(frozen=True)
@@ -583,7 +579,7 @@ def expected_size(point: EndPoint, what: str, given: float | str | Mapping[str, 
             raise PellucidError(f'{where}: found "{value}", expected a size of the kind of its margin, {point.stated}')
     else:
         size = float(value)
-        if point.ratio and abs(size) > MAX_BARE_SHARE:
+        if point.ratio and abs(size) > MAX_SHARE:
             raise PellucidError(
                 f'{where}: found {value}, which is {100.0 * size:g} % of the control condition, expected a share such '
                 f'as {size / 100.0:g}, or a percentage such as "{size:g} %"'
