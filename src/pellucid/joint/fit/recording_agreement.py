@@ -37,6 +37,9 @@ from ...numerics.uncertainty import correlation_length, sandwich_covariance
 from .discrepancy import Discrepancy
 from .friction_solver import cross_validated_residuals, solve_family
 
+GRAVITY_NAMES = ("gravity", "gravity_cosine")
+"""Parameters whose root sum of squares is the gravity torque."""
+
 
 @dataclass(frozen=True)
 class AgreementThresholds:
@@ -78,7 +81,7 @@ class AngleZero:
 
 def has_free_gravity(model: JointModel) -> bool:
     """Return whether gravity is a free parameter of `model`, so that the zero can be estimated."""
-    return "gravity" in model.names and not {"gravity", "gravity_cosine"} & set(model.known)
+    return "gravity" in model.names and not set(GRAVITY_NAMES) & set(model.known)
 
 
 def with_free_zero(model: JointModel) -> JointModel:
@@ -97,7 +100,7 @@ def estimate_angle_zero(model: JointModel, data: Stack[Motion]) -> AngleZero:
     tied = replace(free, symbols=tuple(s for s in free.symbols if s.name != "gravity_cosine"))
     fits = {name: solve_family(each, data, consistent=False) for name, each in (("free", free), ("tied", tied))}
     found = fits["free"]
-    at = [free.names.index(n) for n in ("gravity", "gravity_cosine")]
+    at = [free.names.index(n) for n in GRAVITY_NAMES]
     sine, cosine = found.values[at]
     covariance = sandwich_covariance(found.jacobian, found.residual, data.lengths)[np.ix_(at, at)]
     size = float(np.hypot(sine, cosine))
@@ -263,7 +266,7 @@ def share_of_time(motion: Motion, motions: Sequence[Motion]) -> np.ndarray:
     return (motion.states[:, 0] - first) / max(last - first, np.finfo(float).tiny) - 0.5
 
 
-BODY_PARAMETERS = frozenset({"inertia", "gravity", "gravity_cosine"})
+BODY_PARAMETERS = frozenset({"inertia", *GRAVITY_NAMES})
 """Parameters of the moving body; the others are friction and the offset."""
 
 MIN_COSINE_DIFFERENCE = np.sin(np.radians(8.0))
@@ -400,7 +403,7 @@ def _compare(
     sure = apart / np.maximum(np.hypot(own_sd, other_sd), np.finfo(float).tiny)
     shows = apart * np.linalg.norm(part.w, axis=0) / np.linalg.norm(part.y)
     size = np.maximum(np.abs(own), np.abs(other))
-    weight = [i for i, n in enumerate(names) if n in ("gravity", "gravity_cosine")]
+    weight = [i for i, n in enumerate(names) if n in GRAVITY_NAMES]
     size[weight] = np.linalg.norm(size[weight])  # a shifted encoder zero turns one into the other
     large = (
         apart
@@ -541,10 +544,6 @@ RELINEARISATION_COUNT = 4
 
 class StatedValueError(IdentificationError):
     """A value that is stated of the joint contradicts its recordings, or leaves nothing to estimate."""
-
-
-GRAVITY_NAMES = ("gravity", "gravity_cosine")
-"""Parameters whose root sum of squares is the gravity torque."""
 
 
 def least_inertia(model: JointModel, values: np.ndarray, mass: float) -> float:
