@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from pellucid.joint.fit import friction_family
 from pellucid.joint.fit.friction_family import fit_family
 from pellucid.joint.fit.headline_choice import choose_headline, decide, make_cuts
 from pellucid.joint.fit.joint_estimate import DISAGREEMENT_CAUSE, widen_for_others
@@ -106,6 +107,20 @@ def test_families_and_estimators_are_one_choice(joint):
     assert len(found.candidates) == sum(len(s.candidates) for s in solved.values()) > 6
     assert found.candidates[0].excess == 0.0
     assert all(c.simulation_error is not None for c in found.candidates)
+
+
+def test_an_estimator_without_a_finite_covariance_is_no_candidate(joint, monkeypatch):
+    solve = friction_family.solve_output_error
+
+    def solve_alike(*given):
+        found = solve(*given)
+        return replace(found, jacobian=found.jacobian[:, [0, 0, *range(2, found.jacobian.shape[1])]])
+
+    monkeypatch.setattr(friction_family, "solve_output_error", solve_alike)
+    solved = solved_by(joint, "symmetric")[1]["symmetric"]
+    assert "output_error" not in solved.fit.others
+    assert "does not identify separately" in solved.fit.failures["output_error"]
+    assert "output_error" not in solved.candidates
 
 
 def test_held_out_motions_are_refused(joint):
