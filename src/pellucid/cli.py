@@ -43,6 +43,7 @@ from .study.terminal import (
     print_line,
     print_lines,
     print_short_table,
+    print_steps,
     replace_unprintable_characters,
     set_quiet,
     set_verbose,
@@ -459,8 +460,7 @@ def plan(
     print_short_table(console, found.heads, rows, 30)
     print_line(console, found.note)
     print_line(console, register(study))
-    for text in answer.following:
-        print_line(console, text.replace("`", ""))
+    print_steps(console, answer)
 
 
 @app.command(rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid certificate my-people"))
@@ -477,7 +477,8 @@ def certificate(folder: Folder, out: Out = None, allow_outside: Outside = False)
         found = kept_certificates(study, "margins to certify", tell)
         page = write_certificate_of(study, found)
     console = make_console()
-    print_answer(console, found.answer, with_steps=True)
+    print_answer(console, found.answer)
+    print_steps(console, found.answer)
     print_line(console, f"Certificate: {page}")
     exit_unless_answered([found.answer])
 
@@ -848,7 +849,7 @@ def _show_audit(
         ]
         unread = [("wrong", file.unread) for file in found.unread]
         print_items(console, [*unread, *sorted(said, key=lambda item: item[0] == "note")], 18)
-        print_lines(console, [text.replace("`", "") for text in found.answer.following], 8, "further step")
+        print_steps(console, found.answer, 8)
         print_line(console, f"Page: {page}")
     if not found.is_sound:
         raise typer.Exit(1)

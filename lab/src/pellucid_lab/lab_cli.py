@@ -25,6 +25,7 @@ from pellucid.study.terminal import (
     print_line,
     print_lines,
     print_short_table,
+    print_steps,
     show_progress,
 )
 
@@ -130,7 +131,7 @@ def demo(
     console.print(table)
     print_items(console, [("note", note) for note in made.notes])
     print_line(console, f"The story, with pictures and every report: {made.page}")
-    print_lines(console, [text.replace("`", "") for text in answer.following], 4, "further step")
+    print_steps(console, answer, 4)
 
 
 def reproduce(
@@ -146,7 +147,7 @@ def reproduce(
     print_answer(console, made.answer)
     print_lines(console, made.lines, 40, "further figure")
     print_line(console, f"Page: {made.page}")
-    print_lines(console, [text.replace("`", "") for text in made.answer.following], 4, "further step")
+    print_steps(console, made.answer, 4)
     exit_unless_answered([made.answer])
 
 

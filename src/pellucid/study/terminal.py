@@ -263,13 +263,16 @@ def print_json(result: Result) -> None:
     typer.echo(dumps(table, indent=1, ensure_ascii=False))
 
 
-def print_answer(out: Console, answer: Answer, *, with_steps: bool = False) -> None:
-    """Print an answer: question, verdict with its sentence, basis; `with_steps` adds the recommended next steps."""
+def print_answer(out: Console, answer: Answer) -> None:
+    """Print an answer: question, verdict with its sentence, basis."""
     from .answer import answer_lines
 
-    steps = answer.following if with_steps else ()
     print_line(out, "\n".join(answer_lines(answer)))
-    print_lines(out, [text.replace("`", "") for text in steps], MAX_STEP_LINES, "further step")
+
+
+def print_steps(out: Console, answer: Answer, max_lines: int = MAX_STEP_LINES) -> None:
+    """Print the recommended next steps of an answer, in at most `max_lines` unless ``-v`` asks for all."""
+    print_lines(out, [text.replace("`", "") for text in answer.following], max_lines, "further step")
 
 
 def exit_unless_answered(answers: Sequence[Answer]) -> None:
