@@ -303,16 +303,15 @@ class Alignment:
         if not (self.moved or self.recording):
             said = f"The recordings do not prove a delay of {self.channel} relative to position ({interval})."
             return said if self.asked else ""
-        first, second = (self.channel, "position") if d.value > 0.0 else ("position", self.channel)
+        uncorrected = "it was not corrected in held-out recordings"
         if d.lag:
-            done = "it was corrected before the fit" if self.moved else "it was not corrected in held-out recordings"
+            done = "it was corrected before the fit" if self.moved else uncorrected
             return (
                 f"{self.channel} has the lag of a first-order filter{where}, with a time constant of "
                 f"{1e3 * d.value:.3g} ms ({interval}), rather than a pure delay; {done}."
             )
-        done = f"{self.channel} was shifted before the fit"
-        if not self.moved:
-            done = "it was not corrected in held-out recordings"
+        done = f"{self.channel} was shifted before the fit" if self.moved else uncorrected
+        first, second = (self.channel, "position") if d.value > 0.0 else ("position", self.channel)
         return (
             f"{first} is delayed by {1e3 * abs(d.value):.3g} ms{where} relative to {second} ({interval} for "
             f"{self.channel}); {done}."
