@@ -180,7 +180,7 @@ def thinned(motions: Sequence[TreeMotion], count: int) -> list[TreeMotion]:
     """Return what is needed of the motions to compare signs, in about `count` evenly spaced rows of all of them."""
     step = max(1, sum(len(m) for m in motions) // count)
     names = ("time", "position", "velocity", "acceleration", "effort", "moving", "segment")
-    return [replace(m, **{name: getattr(m, name)[::step] for name in names}) for m in motions]
+    return [replace(m, **{name: getattr(m, name)[::step] for name in names}, recorded=None) for m in motions]
 
 
 def effort_weights(rows: Sequence[TreeMotion]) -> np.ndarray:
