@@ -162,6 +162,8 @@ def test_the_command_writes_a_folder_of_its_own(tmp_path):
     assert "Its numbers were chosen for the torque" in describe_simulator_model(folder)
     with pytest.raises(PellucidError, match="found slider, expected none: a model for simulators has none"):
         pellucid.export(study, "mjcf", slider=0.1)
+    with pytest.raises(PellucidError, match="found slider, load, expected none: a model for simulators has none"):
+        pellucid.export(study, "mjcf", slider=0.0, load=(1.0, 0.2))
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "model.xml").write_text("mine")
     with pytest.raises(PellucidError, match=r"found model\.xml, which an export of Pellucid did not write"):

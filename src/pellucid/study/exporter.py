@@ -63,9 +63,10 @@ class Exporter(ABC):
 
     def require_options(self, request: ExportRequest) -> None:
         """Raise a PellucidError if the request has an option that the product does not have."""
-        for name in self.unused:
-            if getattr(request, name) not in (None, False):
-                raise PellucidError(f"{self.place(request)}: found {name}, expected none: {self.why_unused}")
+        given = ((name, getattr(request, name)) for name in self.unused)
+        found = [name for name, value in given if value is not None and value is not False]
+        if found:
+            raise PellucidError(f"{self.place(request)}: found {', '.join(found)}, expected none: {self.why_unused}")
 
     @abstractmethod
     def export(self, request: ExportRequest) -> Path:

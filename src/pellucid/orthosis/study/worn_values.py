@@ -111,16 +111,14 @@ def _actuator(study: Study) -> tuple[dict[str, float], float]:
     return {n: x for n, x in card.values.items() if n in known} | {"delay": DEAD_TIME_SAMPLES * period}, period
 
 
-JOINT_OPTIONS = ("card", "slider", "controller", "exponents", "load", "held")
-"""Options of `export` that only a single joint has."""
-
-
 class WornExporter(LawExporter):
     """The residual compensator of an orthosis and its wearer."""
 
     order: ClassVar[int] = 30
     default_name: ClassVar[str] = "residual compensator"
     named_by_cards: ClassVar[bool] = True
+    unused: ClassVar[tuple[str, ...]] = ("card", "slider", "controller", "exponents", "load", "held")
+    why_unused: ClassVar[str] = "a worn orthosis has one controller, from its own model cards"
 
     def fits(self, request: ExportRequest) -> bool:
         """Return whether the study is of a worn orthosis."""
@@ -128,10 +126,4 @@ class WornExporter(LawExporter):
 
     def values(self, request: ExportRequest) -> ControllerValues:
         """Return the numbers of the law."""
-        options = [name for name in JOINT_OPTIONS if getattr(request, name) is not None]
-        if options:
-            raise PellucidError(
-                f"export of {request.study.name}: found {', '.join(options)}, expected none: a worn orthosis has one "
-                "controller, from its own model cards"
-            )
         return worn_values(request.study, participant=request.participant, period=request.period)
