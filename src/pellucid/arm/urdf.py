@@ -329,14 +329,10 @@ def _body_notes(robot: Urdf):
         low, middle, high = _principal_moments(link)
         if robot.has_bodies and link.mass == 0.0 and high > 0.0:
             found = f"mass 0 with a moment of inertia of {high:.3g} kg m^2"
-            yield (
-                f"{robot.path.name}, link {link.name!r}: found {found}, expected a mass; its inertia is ignored"
-            )
+            yield f"{robot.path.name}, link {link.name!r}: found {found}, expected a mass; its inertia is ignored"
         elif link.mass > 0.0 and low <= 0.0:
             found = f"a moment of inertia of {low:.3g} kg m^2 about its centre"
-            yield (
-                f"{robot.path.name}, link {link.name!r}: found {found}, expected > 0; its inertia is ignored"
-            )
+            yield f"{robot.path.name}, link {link.name!r}: found {found}, expected > 0; its inertia is ignored"
         elif low + middle < high * (1.0 - 1e-6):
             found = f"moments of inertia {low:.3g}, {middle:.3g} and {high:.3g} kg m^2"
             yield (

@@ -165,7 +165,7 @@ def judge_log(
         time = np.asarray(time, float)
         if time.shape != angle.shape or not np.all(np.diff(time) > 0.0):
             raise PellucidError(
-                "log: found a time that does not increase or differs in length, expected one increasing time a sample"
+                "log: found a time that does not increase or differs in length, expected an increasing time per sample"
             )
         return [_judge(angle, torque, time, float(np.median(np.diff(time))), False, limits, instruments, supervision)]
     return [

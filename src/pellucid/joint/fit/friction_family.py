@@ -229,9 +229,9 @@ def fit_family(
     """Fit a `model` to `data`, and predict and simulate `everything` that a `machine` recorded.
 
     Intervals are at `level`. The body has at most `moving_mass` [kg], unless the data contradict it: that is an error.
-    A `thorough` fit adds weighted, robust and
-    closed-loop methods. Held-out motions are predicted and simulated, and reach nothing else. For hours of data an
-    `excerpt`, described by `said`, is used by all methods but least squares, which only starts from it.
+    A `thorough` fit adds weighted, robust and closed-loop methods. Held-out motions are predicted and simulated, and
+    reach nothing else. For hours of data an `excerpt`, described by `said`, is used by all methods but least squares,
+    which only starts from it.
     """
     taken, part = everything if excerpt is None else excerpt, data
     if said:

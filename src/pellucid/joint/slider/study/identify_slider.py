@@ -274,9 +274,7 @@ def travel_in_words(travel: Parameter | None) -> str:
         )
     low, high = (1e3 * max(x, 0.0) for x in travel.interval())
     if travel.at_bound:
-        return (
-            f"Presliding displacement: below {high:.2g} mrad, about the smallest that is tested."
-        )
+        return f"Presliding displacement: below {high:.2g} mrad, about the smallest that is tested."
     return (
         f"Before the joint slips its friction builds up over {1e3 * travel.value:.2g} mrad ({low:.2g} to {high:.2g}) "
         "from rest."

@@ -231,8 +231,7 @@ def _verdicts(config: StudyFile, legs: Mapping[str, LegAlone], confidence: float
         half = leg.inertia.interval(confidence)[1] - leg.inertia.value
         if half > MAX_RELATIVE_HALF_WIDTH * abs(leg.inertia.value):
             text = f"{who}: the swings do not determine the leg's inertia, {leg.inertia.value:.3g} ± {half:.2g} "
-            text += "kg*m^2; "
-            text += f"inertia and weight have a correlation of {leg.loaded.correlation:.2f}."
+            text += f"kg*m^2; inertia and weight have a correlation of {leg.loaded.correlation:.2f}."
             verdicts.append(Verdict("warning", text, "Record faster swings within the same angles."))
         mass = getattr(config.participants.get(who), "mass", None)
         # A leg of mass m has at least the inertia (q' - q)^2 / m, and nobody's is twice as heavy as Winter's shank.
