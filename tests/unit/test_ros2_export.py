@@ -88,3 +88,22 @@ def test_the_command_says_what_has_been_tried(study, tmp_path, monkeypatch):
     (out / "pellucid.json").unlink()
     with pytest.raises(PellucidError, match="overwrite"):
         pellucid.export(study, "ros2_control", out)
+
+
+def test_sources_of_others_are_not_replaced(study, tmp_path, monkeypatch):
+    monkeypatch.setattr("shutil.which", lambda tool: None)
+    own = tmp_path / "src" / "controller.cpp"
+    own.parent.mkdir()
+    own.write_text("mine", encoding="utf-8")
+    with pytest.raises(PellucidError, match="found src, which an export of Pellucid did not write"):
+        pellucid.export(study, "ros2_control", tmp_path)
+    assert own.read_text(encoding="utf-8") == "mine"
+
+
+def test_outputs_of_an_earlier_export_are_removed(study, tmp_path, monkeypatch):
+    monkeypatch.setattr("shutil.which", lambda tool: None)
+    pellucid.export(study, "ros2_control", tmp_path)
+    outputs = tmp_path / "controller" / "test" / "vector_outputs.h"
+    outputs.write_text("of another law", encoding="utf-8")
+    pellucid.export(study, "ros2_control", tmp_path)
+    assert not outputs.exists()

@@ -6,7 +6,7 @@ Exporters of the controllers of one joint, and of a robot of several joints.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +30,7 @@ from .c_folder import (
 from .controller_values import ControllerValues, joint_values, protect_wearer, tree_values
 from .elbow_values import elbow_values
 from .fmu import FMI_VERSIONS, describe_unit, require_own_file, write_fmu
-from .ros2_package import C_FOLDER, PACKAGE_TEMPLATES, describe_package, write_ros2_package
+from .ros2_package import C_FOLDER, describe_package, package_name, package_paths, write_ros2_package
 from .tree_folder import write_tree_folder
 
 MAX_PERIOD_S = 0.1
@@ -60,11 +60,10 @@ def _write_fmu(request: ExportRequest, law: ControllerValues, out: Path, owner: 
 
 
 def _write_ros2(request: ExportRequest, law: ControllerValues, out: Path, owner: dict[str, str]) -> Path:
-    require_own_folder(out, owner, [*PACKAGE_TEMPLATES, C_FOLDER], overwrite=request.overwrite)
-    joint = request.study.rig.joint
-    write_ros2_package(request.study.name, law, out, controller=owner["controller"], joint=joint)
-    mark_own_folder(out, owner)
-    return out
+    controller, joint = owner["controller"], request.study.rig.joint
+    paths = [C_FOLDER, *package_paths(package_name(controller)).values()]
+    with own_folder(out, owner, paths, overwrite=request.overwrite):
+        return write_ros2_package(request.study.name, law, out, controller=controller, joint=joint)
 
 
 LAW_TARGETS: Mapping[str, LawTarget] = {
@@ -151,12 +150,19 @@ def owner_of(study: Study, controller: str, cards: Sequence[str], *, participant
     }
 
 
+C_PATHS = (*map(template_path, (*TEMPLATE_FOLDERS, *INCIDENT_TEMPLATE_FOLDERS)), HEADER_FOLDER)
+"""Paths of the files and folders of a controller in C."""
+
+
 @contextmanager
-def own_folder(place: Path, owner: dict[str, str], *, overwrite: bool) -> Iterator[None]:
-    """Refuse a folder that holds another controller or other files, and mark it after this controller is written."""
-    templates = (*TEMPLATE_FOLDERS, *INCIDENT_TEMPLATE_FOLDERS)
-    names = {Path(template_path(name)).parts[0] for name in templates} | {Path(HEADER_FOLDER).parts[0]}
-    require_own_folder(place, owner, names, overwrite=overwrite)
+def own_folder(
+    place: Path, owner: dict[str, str], paths: Iterable[str] = C_PATHS, *, overwrite: bool
+) -> Iterator[None]:
+    """Refuse a folder that holds another controller or other files, and mark it after this controller is written.
+
+    `paths` are those of the files that are written.
+    """
+    require_own_folder(place, owner, {Path(path).parts[0] for path in paths}, overwrite=overwrite)
     yield
     mark_own_folder(place, owner)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from ...study.exporter import write_files
 from .c_folder import c_content, c_files, render
@@ -37,9 +36,14 @@ def package_name(controller: str) -> str:
     return "pellucid_" + re.sub(r"[^a-z0-9]+", "_", controller.lower()).strip("_")
 
 
-def package_files(study: str, values: ControllerValues, out: Path, *, controller: str, joint: str) -> dict[str, str]:
-    """Return the texts of the package's files by their paths; error messages name `out`."""
-    content: dict[str, Any] = c_content(study, values)
+def package_paths(package: str) -> dict[str, str]:
+    """Return the path in the package of the file of each template."""
+    return {template: path.format(package=package) for template, path in PACKAGE_TEMPLATES.items()}
+
+
+def write_ros2_package(study: str, values: ControllerValues, out: Path, *, controller: str, joint: str) -> Path:
+    """Write the package of a law into the folder `out`; files of an earlier export are replaced."""
+    content = c_content(study, values)
     package = package_name(controller)
     shown = {
         **content,
@@ -49,16 +53,9 @@ def package_files(study: str, values: ControllerValues, out: Path, *, controller
         "values_of": {**values.numbers, **content["supervision"]},
         "rate": round(1.0 / values.numbers["period"]),
     }
-    files = {f"{C_FOLDER}/{path}": text for path, text in c_files(content, out).items()}
-    return files | {
-        path.format(package=package): render(template, "ros2_control", **shown)
-        for template, path in PACKAGE_TEMPLATES.items()
-    }
-
-
-def write_ros2_package(study: str, values: ControllerValues, out: Path, *, controller: str, joint: str) -> Path:
-    """Write the package of a law into the folder `out`; files of an earlier export are replaced."""
-    return write_files(package_files(study, values, out, controller=controller, joint=joint), out)
+    files = {path: render(template, "ros2_control", **shown) for template, path in package_paths(package).items()}
+    write_files(c_files(content, out), out / C_FOLDER)
+    return write_files(files, out)
 
 
 def describe_package(folder: Path) -> str:
