@@ -19,6 +19,7 @@ from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from uuid import UUID
 from xml.etree import ElementTree
 
 from ..._atomic import write_bytes_atomically
@@ -166,11 +167,12 @@ def write_fmu(
         "variables": variables,
         "samples": [sample[0] for sample in _samples(values, content)],
     }
+    sources[wrapper] = render(wrapper, "fmu", **shown)
     # The token is that of these sources: a binary of another export refuses the description.
-    blank = [render(template, "fmu", token="", **shown) for template in ("fmu_unit.hpp", wrapper)]
-    token = sha256("".join([*sources.values(), *blank]).encode()).hexdigest()[:32]
-    token = "{" + "-".join((token[:8], token[8:12], token[12:16], token[16:20], token[20:])) + "}"
-    sources |= {name: render(name, "fmu", token=token, **shown) for name in ("fmu_unit.hpp", wrapper)}
+    blank = render("fmu_unit.hpp", "fmu", token="", **shown)
+    digest = sha256("".join([*sources.values(), blank]).encode()).hexdigest()
+    token = f"{{{UUID(digest[:32])}}}"
+    sources["fmu_unit.hpp"] = render("fmu_unit.hpp", "fmu", token=token, **shown)
     compiled = (SOURCE_NAMES[0], wrapper)
     binary = compile_unit(sources, compiled, out)
     system, ending = _system(fmi)
@@ -182,8 +184,6 @@ def write_fmu(
         steps=len(content["vector"].steps),
         law_sensors=[sensor.name for sensor in content["law"].sensors],
         drive_expected=content["supervision"]["drive_expected"] == 1.0,
-        inputs=[_Listed(v, fmi) for v in variables if v.causality == "input"],
-        outputs=[_Listed(v, fmi) for v in variables if v.causality == "output"],
         **shown,
     )
     inside: dict[str, bytes] = {
@@ -199,14 +199,6 @@ def write_fmu(
     if binary:
         inside[f"binaries/{system}/{model}.{ending}"] = binary
     return write_bytes_atomically(out, _archive(inside))
-
-
-class _Listed:
-    """A variable as the README lists it."""
-
-    def __init__(self, variable: UnitVariable, fmi: int):
-        self.name, self.unit = variable.named(fmi), variable.unit_of(fmi)
-        self.description = variable.description
 
 
 def _archive(files: Mapping[str, bytes]) -> bytes:
