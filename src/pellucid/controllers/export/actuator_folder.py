@@ -15,12 +15,12 @@ from typing import Any
 from ..._atomic import write_text_atomically
 from ..._errors import PellucidError
 from ...models.card import CardParameter, ModelCard
-from ...models.friction_terms import COULOMB_FRICTION, TERMS, VISCOUS_FRICTION
+from ...models.friction_terms import COULOMB_FRICTION, LOAD_FRICTION, TERMS, TERMS_BY_NAME, VISCOUS_FRICTION
 from ...models.joint import NAMES, SYMBOLS_BY_NAME
 from ...models.tree_card import COLUMNS, TreeCard
 from ...study.study_file import JointLimits
 from .c_folder import template_folder
-from .simulator_model import LINK_SHARE
+from .simulator_model import LINK_SHARE, SHAPING_FIELDS
 
 ACTUATOR_PROGRAMS = {"isaaclab": "isaaclab_actuators.py", "mjx": "mjx_actuators.py"}
 """Program for each simulator, in the folder of ``actuators.json``."""
@@ -28,13 +28,10 @@ ACTUATOR_PROGRAMS = {"isaaclab": "isaaclab_actuators.py", "mjx": "mjx_actuators.
 ACTUATORS_FILE = "actuators.json"
 """File with the numbers."""
 
-LOAD_FRICTION = ("load_motoring", "load_generating")
-"""Numbers of friction with the load, by direction of power."""
-
 QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "damping": VISCOUS_FRICTION.targets,
     "frictionloss": COULOMB_FRICTION.targets,
-    "load_friction": LOAD_FRICTION,
+    "load_friction": LOAD_FRICTION.targets,
     **{name: (name,) for name in ("square_root", "stribeck", "stribeck_velocity")},
 }
 """Numbers of friction of an actuator, each the mean of these numbers of the core."""
@@ -117,8 +114,8 @@ def actuators_of(card: ModelCard | TreeCard, limits: JointLimits | None = None, 
 
 
 def _tree_actuators(card: TreeCard) -> Actuators:
-    tied = {term.name: term.targets for term in TERMS}
-    rotors = [row[list(COLUMNS["links"]).index("rotor_inertia")] for row in card.links if row[1]]
+    links = [dict(zip(COLUMNS["links"], row, strict=True)) for row in card.links]
+    rotors = [link["rotor_inertia"] for link in links if link["joint"]]
     motors = [dict(zip(COLUMNS["motors"], row, strict=True)) for row in card.motors]
     joints, unknown = [], []
     for i, name in enumerate(card.names):
@@ -128,16 +125,15 @@ def _tree_actuators(card: TreeCard) -> Actuators:
         for p in card.parameters:
             joint, _, field = p.name.rpartition(".")
             if joint == name:
-                given |= dict.fromkeys(tied.get(field, (field,)), p)
+                given |= dict.fromkeys(TERMS_BY_NAME[field].targets if field in TERMS_BY_NAME else (field,), p)
         drive = {} if not motors else {key: x for key, x in motors[i].items() if key in own}
-        moved = {target: given[f"motor_{name}"] for name, targets in tied.items() if f"motor_{name}" in given
-                 for target in targets}  # fmt: skip
+        moved = {target: given[f"motor_{term.name}"] for term in TERMS if f"motor_{term.name}" in given
+                 for target in term.targets}  # fmt: skip
         quantities = _frictions(own, given)
         if any(drive.values()):
             added = _frictions(own | drive, moved)
             quantities = {
-                key: value if key == "stribeck_velocity" else value.plus(added[key])
-                for key, value in quantities.items()
+                key: value if key in SHAPING_FIELDS else value.plus(added[key]) for key, value in quantities.items()
             }
         armature = _range({"rotor_inertia": rotors[i]}, given, ("rotor_inertia",))
         if motors and motors[i].get("motor_inertia"):
