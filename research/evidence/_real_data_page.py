@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from pellucid._atomic import write_text_atomically
-from pellucid.study.results import ResultRow
+from pellucid.study.results import ResultRow, read_rows
 
 RESULTS_FILE = Path(__file__).with_name("results") / "real-data.json"
 """Every figure of the page, as the commands wrote it into results.json."""
@@ -94,7 +94,7 @@ def write_results(rows: Iterable[ResultRow], path: Path = RESULTS_FILE) -> None:
 
 def read_results(path: Path = RESULTS_FILE) -> dict[str, ResultRow]:
     """Return the figures of a file, by id."""
-    return {row["id"]: ResultRow(**row) for row in json.loads(path.read_text(encoding="utf-8"))["figures"]}
+    return {row.id: row for row in read_rows(path)}
 
 
 HEAD = """# Validation on real machines and people

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pellucid._atomic import write_text_atomically
 
-from ._supervisor_page import Results, read_results
+from ._supervisor_page import Results, rate_over, read_results
 
 PAGE = Path(__file__).parents[2] / "docs" / "validation" / "simulation.md"
 """Page that is generated."""
@@ -186,10 +186,9 @@ def fault_lines(results: Results) -> Iterator[str]:
     """Yield the detection rate of each group of robots in a sentence."""
     groups = {"drive_measured": "Exports with a drive measurement", "unmeasured": "Default exports"}
     for robot, words in groups.items():
-        shown = [fault for fault in results.of(robot) if fault.is_robots and not fault.hidden and fault.effective]
-        rate = 100.0 * sum(fault.detected for fault in shown) / sum(fault.effective for fault in shown)
+        shown = results.detectable(robot)
         worst = max(fault.excess for fault in shown)
-        yield f"- {words} detect {rate:.1f} % of single faults; the largest excess energy is {worst:.1f} J."
+        yield f"- {words} detect {rate_over(shown):.1f} % of single faults; the largest excess energy is {worst:.1f} J."
 
 
 def simulation_page(results: Results) -> str:

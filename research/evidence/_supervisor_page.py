@@ -115,6 +115,10 @@ class Results:
         """Return the faults of one kind of robot."""
         return tuple(fault for fault in self.faults if fault.robot == robot)
 
+    def detectable(self, robot: str) -> tuple[FaultFigure, ...]:
+        """Return the faults of one kind of robot that its sensors can show and that had an effect."""
+        return tuple(f for f in self.of(robot) if f.is_robots and not f.hidden and f.effective)
+
 
 def fault_figures(robot: str, trials: Iterable[Any], kinds: Mapping[str, FaultKind]) -> Iterator[FaultFigure]:
     """Yield the figure of every fault among trials, which have `kind`, `found`, `excess` and `early`."""
@@ -193,15 +197,19 @@ def cell(fault: FaultFigure | None, time: float | None) -> str:
     return f"{rate}{after}{fault.excess:.2f} J"
 
 
+def rate_over(faults: Sequence[FaultFigure]) -> float:
+    """Return the detection rate over all runs in which one of the faults did something [%]."""
+    return 100.0 * sum(fault.detected for fault in faults) / sum(fault.effective for fault in faults)
+
+
 def robot_table(results: Results) -> Iterator[str]:
     """Yield the lines of a table of all kinds of robots: how much of their faults was detected."""
     yield "| robot and instruments | runs | detection rate | fault with the largest excess energy |"
     yield "|---|--:|--:|---|"
     for robot, title in INSTRUMENT_TITLES.items():
-        shown = [fault for fault in results.of(robot) if fault.is_robots and not fault.hidden and fault.effective]
+        shown = results.detectable(robot)
         if shown:
-            worst = max(shown, key=lambda fault: fault.excess)
-            rate = 100.0 * sum(fault.detected for fault in shown) / sum(fault.effective for fault in shown)
+            worst, rate = max(shown, key=lambda fault: fault.excess), rate_over(shown)
             runs = sum(fault.runs for fault in shown)
             yield f"| {title} | {runs} | {rate:.1f} % | {happens(worst)}: {worst.excess:.2f} J |"
 

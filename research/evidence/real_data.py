@@ -6,14 +6,13 @@ it only writes the page.
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pellucid.study.results import ResultRow
+from pellucid.study.results import ResultRow, read_rows
 from research.benchmarks._size import is_smallest
 
 from ._real_data_page import wanted_ids, write_page, write_results
@@ -43,10 +42,7 @@ def rows() -> Iterator[ResultRow]:
 def chosen_rows(path: Path) -> Iterator[ResultRow]:
     """Yield the figures of a study's results.json that the page shows."""
     wanted = set(wanted_ids())
-    for row in json.loads(path.read_text(encoding="utf-8"))["figures"]:
-        if row["id"] in wanted:
-            known = {key: value for key, value in row.items() if key in ResultRow.__dataclass_fields__}
-            yield ResultRow(**known)
+    yield from (row for row in read_rows(path) if row.id in wanted)
 
 
 if __name__ == "__main__":
