@@ -9,13 +9,14 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pellucid
+from pellucid.controllers.export.c_folder import EXACT_FLAGS
 from pellucid.study.exporter import core_headers
 from pellucid.study.results import ResultRow
 
 TARGETS = ("aarch64-macos", "x86_64-windows-gnu", "aarch64-linux-gnu")
 """Systems for which is compiled."""
 
-CXX_OPTIONS = ("-std=c++17", "-ffp-contract=off", "-fno-math-errno")
+CXX_OPTIONS = ("-std=c++17", *EXACT_FLAGS.split())
 """Compiler options of C++."""
 
 
