@@ -9,6 +9,8 @@ from html import escape
 
 import numpy as np
 
+from pellucid.study.drawing.drawing import outline
+
 WIDTH, HEIGHT = 720, 340
 """Size of a figure [px]."""
 LEFT, RIGHT, TOP, BOTTOM = 74, 18, 34, 52
@@ -93,15 +95,6 @@ class Panel:
 def thinned(values: np.ndarray) -> np.ndarray:
     """Return at most `MAX_POINTS` values, evenly spaced, the last one included."""
     return values[np.unique(np.linspace(0, len(values) - 1, min(len(values), MAX_POINTS)).astype(int))]
-
-
-def extremes(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a line of at most `MAX_POINTS` points, with the extremes of each stretch, so that no spike is lost."""
-    if len(x) <= MAX_POINTS:
-        return x, y
-    parts = np.array_split(np.arange(len(x)), MAX_POINTS // 2)
-    kept = sorted({int(part[0] + k) for part in parts for k in (np.argmin(y[part]), np.argmax(y[part]))} | {len(x) - 1})
-    return x[kept], y[kept]
 
 
 def ticks(low: float, high: float, *, log: bool = False) -> list[float]:
@@ -204,7 +197,7 @@ def mark_of(kind: str, at_x, at_y, x: np.ndarray, y: np.ndarray, colour: int, ba
                        for px, py in zip(at_x(thinned(x)), at_y(thinned(y)), strict=True))  # fmt: skip
         return f'<path class="c{colour} fill" d="{dots}"/>'
     if kind != "band":
-        x, y = extremes(x, y)
+        x, y = outline(x, y, MAX_POINTS)
     path = "L".join(f"{px:.1f} {py:.1f}" for px, py in zip(at_x(x), at_y(y), strict=True))
     if kind == "band":
         return f'<path class="c{colour} band" d="M{path}z"/>'
