@@ -135,5 +135,13 @@ def test_isaac_lab_gets_actuators_and_events(tmp_path, monkeypatch):
     name = next(iter(actuators))
     assert actuators[name].joint_names_expr == [name]
     assert actuators[name].friction > 0.0
-    low, high = events[name].params["friction_distribution_params"]
-    assert 0.0 <= low <= actuators[name].dynamic_friction <= high
+    numbers = json.loads((folder / "actuators.json").read_text())["joints"][name]
+    # Isaac Lab applies one draw to static, dynamic and viscous friction: only a scale suits all three.
+    assert events[name].params["operation"] == "scale"
+    for parameter, key, value in (
+        ("friction_distribution_params", "frictionloss", actuators[name].dynamic_friction),
+        ("armature_distribution_params", "armature", actuators[name].armature),
+    ):
+        low, high = events[name].params[parameter]
+        assert 0.0 <= low * value <= value <= high * value
+        assert (low * value, high * value) == pytest.approx((numbers[key]["low"], numbers[key]["high"]))
