@@ -44,6 +44,7 @@ class Played:
     wrong: int  # steps that differ from the recorded outputs
     faults: int  # kinds of faults in the vector
     reached: int  # kinds of them that reached the lifecycle
+    refused: bool  # whether numbers that the supervisor refuses fail the configuration
     activation: bool  # whether a latched fault keeps the controller from activation until its token is set
     reset: bool  # whether the law then runs again
     reference: bool  # whether the effort of a preceding controller is added within its limit
@@ -97,7 +98,7 @@ def play(package: Path, scratch: Path) -> Played:
     subprocess.run(["c++", *options, *map(str, sources), "-o", str(scratch / "loop")], check=True)
     run = subprocess.run([scratch / "loop"], check=True, capture_output=True, text=True)
     said = {key: int(value) for key, value in re.findall(r"^(\w+) (\d+)$", run.stdout, re.MULTILINE)}
-    decided = (said[key] == 1 for key in ("activation", "reset", "reference"))
+    decided = (said[key] == 1 for key in ("refused", "activation", "reset", "reference"))
     return Played(said["steps"], said["wrong"], said["faults"], said["reached"], *decided)
 
 

@@ -46,7 +46,7 @@ class Loop {
   params.sensors.SENSOR.valid_interface = #SENSOR "_valid";
     SENSORS(NAME_SENSOR)
     if (controller.on_init() != CallbackReturn::SUCCESS) std::printf("no init\n");
-    if (controller.on_configure(state) != CallbackReturn::SUCCESS) std::printf("no configuration\n");
+    is_configured = controller.on_configure(state) == CallbackReturn::SUCCESS;
     told = controller.export_state_interfaces();
     references = controller.export_reference_interfaces();
     std::vector<hardware_interface::LoanedStateInterface> states;
@@ -72,6 +72,7 @@ class Loop {
   std::vector<hardware_interface::StateInterface> told;
   std::vector<hardware_interface::CommandInterface> references;
   double command = 0.0;
+  bool is_configured = false;
 };
 
 void put(Loop& loop, const std::string& name, const vector_sample& sample) {
@@ -134,7 +135,7 @@ int main() {
   // Numbers that the supervisor refuses fail the configuration; a latched fault the activation without its token.
   pellucid_config odd = pellucid_identified;
   odd.period = -1.0f;
-  Loop refused{odd};
+  const bool is_refused = !Loop{odd}.is_configured;
   Loop stopped{variant_of(16)};
   PACKAGE::given.stop = true;
   (void)stopped.step(1'000'000);
@@ -169,7 +170,9 @@ int main() {
   const double alone = with(0.0, 0.5), added = with(1.0, 0.5), limited = with(1.0, 5.0);
   const bool is_added = alone == 0.0 && std::abs(added - 0.5) < 1e-6 && std::abs(limited - 1.0) < 1e-6;
 
-  std::printf("steps %d\nwrong %u\nfaults %zu\nreached %zu\nactivation %d\nreset %d\nreference %d\n", vector_length,
-              wrong, seen.size(), reached.size(), kept && let ? 1 : 0, is_reset ? 1 : 0, is_added ? 1 : 0);
+  std::printf(
+      "steps %d\nwrong %u\nfaults %zu\nreached %zu\nrefused %d\nactivation %d\nreset %d\nreference %d\n", vector_length,
+      wrong, seen.size(), reached.size(), is_refused && stopped.is_configured ? 1 : 0, kept && let ? 1 : 0,
+      is_reset ? 1 : 0, is_added ? 1 : 0);
   return 0;
 }

@@ -35,6 +35,7 @@ def test_the_controller_compiles_and_replays_the_vector_bit_for_bit(package, tmp
     assert played.steps > 1000
     assert played.wrong == 0
     assert played.faults == played.reached > 15
+    assert played.refused
     assert played.activation
     assert played.reset
     assert played.reference
