@@ -30,14 +30,14 @@ def measured(module: ModuleType) -> list[dict]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument("--write", action="store_true")
-    parser.add_argument("--page", action="store_true")
+    parser.add_argument("--write", action="store_true", help="write the stored results and the page of speed, too")
+    parser.add_argument("--page", action="store_true", help="measure nothing, and write the page of speed")
     asked, others = parser.parse_known_args()
     if asked.page:
         write_page()
         print(f"written to {SPEED_PAGE}")
         return
-    names, out = read_arguments("benchmarks", NAMES, "benchmarks.json", others)
+    names, out = read_arguments("benchmarks", NAMES, "benchmarks.json", others, [parser])
     if asked.write and (names != NAMES or is_smallest()):
         sys.exit("--write: found some of the benchmarks or the smallest size, expected every one at full size")
     limit_to_one_thread()

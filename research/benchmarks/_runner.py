@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -23,11 +23,18 @@ def names_in(folder: Path) -> list[str]:
 
 
 def read_arguments(
-    program: str, names: list[str], out: str, arguments: list[str] | None = None
+    program: str,
+    names: list[str],
+    out: str,
+    arguments: list[str] | None = None,
+    parents: Sequence[argparse.ArgumentParser] = (),
 ) -> tuple[list[str], Path]:
-    """Return the names that were asked for, or every name, and the file for the figures; choose the size."""
+    """Return the names that were asked for, or every name, and the file for the figures; choose the size.
+
+    `parents` have further options of the program, which the help lists too.
+    """
     parser = argparse.ArgumentParser(
-        prog=f"python -m research.{program}", description=f"Files of {program}: {', '.join(names)}"
+        prog=f"python -m research.{program}", description=f"Files of {program}: {', '.join(names)}", parents=parents
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="what to run; everything if none is named")
     parser.add_argument("--out", type=Path, default=Path(out), help=f"where the figures are written; {out} by default")
