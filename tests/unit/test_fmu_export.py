@@ -127,7 +127,7 @@ def test_a_file_of_others_is_not_replaced(study, tmp_path, monkeypatch):
     monkeypatch.setattr("shutil.which", lambda tool: None)
     place = tmp_path / "a.fmu"
     place.write_bytes(b"mine")
-    with pytest.raises(PellucidError, match="overwrite"):
+    with pytest.raises(PellucidError, match=r"found no export of Pellucid, expected controller .*overwrite"):
         pellucid.export(study, "fmu", place)
     pellucid.export(study, "fmu", place, overwrite=True)
     pellucid.export(study, "fmu", place)

@@ -313,7 +313,7 @@ def owner_text(owner: Mapping[str, str]) -> str:
     return json.dumps(dict(owner), indent=1, ensure_ascii=False) + "\n"
 
 
-_WAY_OUT = "Name another folder with --out, or replace this one: --overwrite (overwrite=True)"
+_WAY_OUT = "Name another place with --out, or replace this one: --overwrite (overwrite=True)"
 """Advice at the end of the message that an export does not write into a folder."""
 
 
@@ -337,4 +337,5 @@ def parse_owner(text: bytes) -> dict[str, str] | None:
 
 def _describe_owner(owner: Mapping[str, str]) -> str:
     """Return a description of an owner."""
-    return visible_text(", ".join(f"{key} {value}" for key, value in owner.items() if value) or "nothing")[:300]
+    stated = ", ".join(f"{key} {value}" for key, value in owner.items() if value)
+    return visible_text(stated or "no export of Pellucid")[:300]
