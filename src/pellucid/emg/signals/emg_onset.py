@@ -270,7 +270,7 @@ def _stretch(time: np.ndarray, rest: tuple[float, float]) -> slice:
     return slice(int(first), int(last))
 
 
-def _quietest(energy: np.ndarray, fs: float, gone: Sequence[slice] = ()) -> slice:
+def _quietest(energy: np.ndarray, fs: float, gone: Sequence[slice]) -> slice:
     """Where the largest energy within `ONSET_SEARCH.rest_s` is least: a mean would forgive a twitch.
 
     Dropouts, where samples are `gone`, are no rest of a muscle, unless nothing else is long enough.

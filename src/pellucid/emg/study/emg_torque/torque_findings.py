@@ -158,8 +158,7 @@ class RecommendedEstimator:
     by: Mapping[str, str] = field(default_factory=dict)  # Estimator by trial, if trials are left out in turn
     half_width: Mapping[str, float] = field(default_factory=dict)  # Half width of the error band by such trial [N m]
     held: Mapping[str, float] = field(default_factory=dict)  # Share of the reference within the band, by such trial
-    # Weights of the estimators by such trial, and the recommended torque, shape (n,) [N m]
-    weights_by: Mapping[str, Mapping[str, float]] = field(default_factory=dict, repr=False)
+    # The recommended torque by such trial, shape (n,) [N m]
     predicted: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     def by_condition(self) -> list[ConditionScore]:
@@ -220,6 +219,8 @@ def recommend_estimator(
     chosen = recommend(tests)
     without = {name: each for name, each in tests.items() if not ESTIMATOR_FAMILIES[name].muscles}
     bare_chosen = recommend(without) if without else None
+    within = combine_tests(tests, chosen.weights)
+    bare_within = combine_tests(without, bare_chosen.weights) if bare_chosen is not None else None
     beyond = find_extrapolator(tests) or chosen.name
     of = {(e.estimator, e.recording): e for e in own}
     made = {trace.recording: trace for trace in traces if trace.what == what}
@@ -227,16 +228,18 @@ def recommend_estimator(
     for recording in dict.fromkeys(e.recording for e in own):
         name = beyond if recording in refused else chosen.name
         if name == STACKED:
-            is_valid = recording not in refused
-            judged.append(_evaluate_mean(chosen, of, recording, made[recording], tests, is_valid=is_valid))
+            trace = made[recording]
+            judged.append(_evaluate_mean(chosen, of, trace, within.half_width))
+            trace.predicted[STACKED] = chosen.predict(trace.predicted)
+            if recording not in refused:
+                trace.half_width[STACKED] = np.full(len(trace.time), within.half_width)
         elif (name, recording) in of:
             judged.append(of[name, recording])
         if bare_chosen is not None and bare_chosen.name != STACKED:
             bare[recording] = of[bare_chosen.name, recording]
         elif bare_chosen is not None:
-            bare[recording] = _evaluate_mean(bare_chosen, of, recording, made[recording], tests, is_shown=False)
+            bare[recording] = _evaluate_mean(bare_chosen, of, made[recording], bare_within.half_width)
     judged.sort(key=lambda e: -e.score.rmse)
-    within = combine_tests(tests, chosen.weights)
     return RecommendedEstimator(
         what,
         tuple(dict.fromkeys(e.estimator for e in judged)),
@@ -252,21 +255,12 @@ def recommend_estimator(
 def _evaluate_mean(
     chosen: Recommendation,
     of: Mapping[tuple[str, str], EstimatorEvaluation],
-    recording: str,
     trace: TorqueTrace,
-    tests: Mapping[str, ConditionTestErrors],
-    *,
-    is_shown: bool = True,
-    is_valid: bool = True,
+    half_width: float,
 ) -> EstimatorEvaluation:
-    """Return the evaluation of a weighted mean on a recording; `is_shown` adds its torque to the trace."""
+    """Return the evaluation of a weighted mean on a recording, with the half width of its error band [N m]."""
     made = chosen.predict(trace.predicted)
-    half_width = combine_tests(tests, chosen.weights).half_width
-    if is_shown:
-        trace.predicted[STACKED] = made
-        if is_valid:
-            trace.half_width[STACKED] = np.full(len(made), half_width)
-    alike = of[next(iter(chosen.weights)), recording]
+    alike = of[next(iter(chosen.weights)), trace.recording]
     words = ", ".join(f"{weight:.2f} {name}" for name, weight in chosen.weights.items())
     return replace(
         alike, estimator=STACKED, score=score(trace.reference, made), choice=words, examined=None, within=None,
@@ -303,7 +297,6 @@ def recommend_by_fold(
         by={t.name: of[t.group] for t in trials},
         half_width=width,
         held=held,
-        weights_by={t.name: found[t.group].weights for t in trials},
         predicted=made,
     )
 
