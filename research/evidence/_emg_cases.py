@@ -23,9 +23,9 @@ from pellucid import PellucidError
 from pellucid.emg.estimators.condition_choice import (
     find_extrapolator,
     is_candidate,
+    predict_without_each_test,
     recommend,
     run_condition_tests,
-    weighted_mean,
 )
 from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.emg_session import FittedSession
@@ -139,10 +139,7 @@ def evaluate(fold: Fold) -> Outcome:
         made = own[beyond] if alone else chosen.predict(own)
         errors.append(made - t.torque)
         if is_valid:
-            others = [
-                (weighted_mean(a, own), weighted_mean(b, own))
-                for a, b in zip(chosen.jackknife, bare.jackknife, strict=True)
-            ]
+            others = predict_without_each_test(chosen, bare, own)
             gained = worth_on_recording(t.torque, made, bare.predict(own), t.fs, other_choices=others)
             best = max(score(t.torque, each[t.name]).r2 for each in plain.values())
             worth.append((gained, score(t.torque, made).r2 - best))

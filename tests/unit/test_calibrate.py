@@ -23,6 +23,7 @@ from pellucid.emg.study.emg_torque.estimator_cards import PRODUCT_SEPARATOR
 from pellucid.emg.study.emg_torque.torque_findings import (
     EstimatorEvaluation,
     TorqueTrace,
+    find_worth,
     recommend_by_fold,
     recommend_estimator,
 )
@@ -263,6 +264,23 @@ def test_a_weighted_mean_is_evaluated_on_every_recording_that_is_like_the_fitted
     assert judged["like"].score.rmse < 0.85
     assert STACKED not in traces[1].predicted
     assert "on recordings unlike the fitted ones by muscles of Hill's type" in chosen.words
+
+
+def test_the_worth_of_emg_has_an_interval_where_an_estimator_had_no_result_in_one_of_the_tests():
+    found, traces = weighed_case()
+    lost = {"hill": (np.full(400, np.nan),)}
+    rmse = {"hill": (np.nan, 1.0, 1.0)}
+    found = [
+        replace(e, examined=replace(e.examined, rmse=rmse.get(e.estimator, e.examined.rmse),
+                                    errors=(*lost.get(e.estimator, e.examined.errors[:1]), *e.examined.errors[1:])))
+        for e in found
+    ]  # fmt: skip
+    alone = {e.recording: replace(e, estimator="motion") for e in weighed_case()[0] if e.estimator == "ridge"}
+    for trace in traces:
+        trace.predicted["motion"] = 0.5 * np.sin(trace.time)
+    chosen = recommend_estimator([*found, *alone.values()], "knee", traces)
+    one, *_ = find_worth([chosen], traces, 0.05, {})
+    assert one.worth.low < one.worth.gain < one.worth.high
 
 
 def test_held_out_torque_has_no_part_in_the_weights():

@@ -135,8 +135,8 @@ class Recommendation:
     """Weights of the candidates in the recommended estimator."""
 
     weights: Mapping[str, float]  # Weight of each candidate with one, the largest first
-    # The same from the tests without one of them, each left out in turn: how far the choice depends on the tests
-    jackknife: tuple[Mapping[str, float], ...] = ()
+    # The same without one test, by number of that test: how far the choice depends on the tests
+    jackknife: Mapping[int, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -153,6 +153,17 @@ def weighted_mean(weights: Mapping[str, float], predicted: Mapping[str, np.ndarr
     return np.sum([weight * predicted[name] for name, weight in weights.items()], axis=0)
 
 
+def predict_without_each_test(
+    first: Recommendation, second: Recommendation, predicted: Mapping[str, np.ndarray]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the torques of two recommendations, shape (n,) each [N m], without each test that both were chosen by."""
+    common = [test for test in first.jackknife if test in second.jackknife]
+    return [
+        (weighted_mean(first.jackknife[test], predicted), weighted_mean(second.jackknife[test], predicted))
+        for test in common
+    ]
+
+
 def recommend(found: Mapping[str, ConditionTestErrors]) -> Recommendation:
     """Return the weights of the candidates, from results of the same tests by name."""
     finite = np.isfinite([each.rmse for each in found.values()])
@@ -167,8 +178,8 @@ def recommend(found: Mapping[str, ConditionTestErrors]) -> Recommendation:
         return _solve_weights(names, total + np.eye(len(names)) * np.diag(total).min() / len(kept))
 
     every = np.arange(len(whole))
-    left_out = [solve(np.delete(every, i)) for i in every] if len(every) > 1 else []
-    return Recommendation(solve(every), tuple(left_out))
+    left_out = {int(test): solve(np.delete(every, i)) for i, test in enumerate(whole)} if len(every) > 1 else {}
+    return Recommendation(solve(every), left_out)
 
 
 def _error_moments(each: Sequence[ConditionTestErrors], test: int) -> np.ndarray:

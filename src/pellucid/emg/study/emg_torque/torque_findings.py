@@ -35,9 +35,9 @@ from ...estimators.condition_choice import (
     combine_tests,
     find_extrapolator,
     is_candidate,
+    predict_without_each_test,
     recommend,
     run_condition_tests,
-    weighted_mean,
 )
 from ...estimators.cross_validation import Score, score
 from ...estimators.emg_session import ChannelComparison
@@ -730,10 +730,7 @@ def find_worth(
             if trace is not None and each.weights is not None and each.bare_weights is not None:
                 with_emg, bare = each.weights, each.bare_weights
                 fs = (len(trace.time) - 1) / float(trace.time[-1] - trace.time[0])
-                others = [
-                    tuple(weighted_mean(weights, trace.predicted) for weights in pair)
-                    for pair in zip(with_emg.jackknife, bare.jackknife, strict=True)
-                ]
+                others = predict_without_each_test(with_emg, bare, trace.predicted)
                 predicted = with_emg.predict(trace.predicted), bare.predict(trace.predicted)
                 worth = worth_on_recording(trace.reference, *predicted, fs, margin, others)
                 found.append(RecordingWorth(each.what, judged.recording, worth))
