@@ -231,6 +231,10 @@ def test_another_movement_is_no_exchange():
     reference = walking(1)
     other = np.roll(walking(2), 300, axis=0)[:, :4] * np.array([0.1, 5.0, 0.2, 4.0])
     assert kinds(other[::-1], rate=1000.0, reference=reference) == []
+    # Two channels fit each other's place; where the others fit no place of theirs, that is no evidence.
+    swapped, unlike = walking(2)[:, [1, 0, 2, 3]], walking(2, session=8)
+    assert kinds(swapped, rate=1000.0, reference=reference) == [(0, "exchanged"), (1, "exchanged")]
+    assert kinds(np.hstack([swapped[:, :2], unlike[:, 2:]]), rate=1000.0, reference=reference) == []
 
 
 def test_times_tell_lost_samples_and_another_rate():
@@ -254,6 +258,11 @@ def test_short_bursts_of_a_muscle_are_no_artefact():
     for k, at in enumerate(rng.choice(len(t) - 100, 12, replace=False)):
         sparse[at : at + 12] += (1.0 + 0.07 * k) * 4e-5 * np.sin(np.arange(12) / 2.0)
     assert kinds(sparse[:, None]) == []
+    # Potentials on either side of the threshold: the smaller ones show that the larger ones are the muscle's.
+    apart = 3e-6 * rng.standard_normal(len(t))
+    for k, at in enumerate(range(1000, len(t) - 100, 1900)):
+        apart[at : at + 12] += (0.5 + 0.05 * k) * 4e-5 * np.sin(np.arange(12) / 2.0)
+    assert kinds(apart[:, None]) == []
 
 
 def test_a_maximum_that_a_converter_rounded_is_still_its_own():
