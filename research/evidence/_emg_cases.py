@@ -45,8 +45,8 @@ from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow
 from pellucid.study.study import STUDY_FILE, Study
 from research.benchmarks._size import is_smallest
+from research.benchmarks._walking import DATASET as WALKING
 
-WALKING = "lower_limb_walking"
 ISOMETRIC_PEOPLE = ("ID1", "ID2", "ID3")
 """People whose isometric extension and flexion of the knee are divided into fitted and held-out quarters."""
 QUARTER_COUNT = 4
@@ -151,9 +151,9 @@ def evaluate(fold: Fold) -> Outcome:
     return Outcome(words, np.concatenate(errors), rivals, tuple(worth))
 
 
-def row(name: str, value: float, unit: str, note: str) -> ResultRow:
-    """Return a row of evidence on the choice."""
-    return ResultRow(f"emg.{name}", float(value), unit, "evidence", "heldout", None, note)
+def row(name: str, value: float | None, unit: str, note: str, split: str = "heldout") -> ResultRow:
+    """Return a row of evidence on EMG."""
+    return ResultRow(f"emg.{name}", None if value is None else float(value), unit, "evidence", split, None, note)
 
 
 def case_rows() -> Iterator[ResultRow]:

@@ -37,7 +37,7 @@ from pellucid.study.results import ResultRow
 from pellucid.study.study import Study
 from research.benchmarks._size import sized
 
-from ._emg_cases import WALKING, study_with
+from ._emg_cases import WALKING, row, study_with
 
 SEED = 20261126
 SPOILT_COUNT = sized(300, smallest=6)
@@ -58,11 +58,6 @@ EDGE_S = 0.25
 """Stretch at either end of a piece that counts as its edge [s]."""
 RAW_RATE_HZ = 2000.0
 """Sampling rate of made raw EMG [Hz]."""
-
-
-def row(name: str, value: float | None, unit: str, note: str, split: str = "heldout") -> ResultRow:
-    """Return a row of evidence on EMG."""
-    return ResultRow(f"emg.{name}", None if value is None else float(value), unit, "evidence", split, None, note)
 
 
 def part_of(trial: TorqueTrial, rows: slice) -> TorqueTrial:

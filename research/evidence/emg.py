@@ -47,7 +47,7 @@ from research.benchmarks._size import sized
 from research.benchmarks._walking import DATASET as WALKING
 from research.benchmarks._walking import walking_study
 
-from ._emg_cases import case_rows
+from ._emg_cases import case_rows, row
 from ._emg_files import files_rows
 from ._emg_onset import onset_rows
 from ._emg_watch import moved_rows, session_rows, wrong_floats
@@ -94,11 +94,6 @@ def rows() -> Iterator[ResultRow]:
     yield from choice_rows()
     yield from export_rows()
     yield from geometry_rows()
-
-
-def row(name: str, value: float | None, unit: str, note: str, split: str = "heldout") -> ResultRow:
-    """Of EMG."""
-    return ResultRow(f"emg.{name}", None if value is None else float(value), unit, "evidence", split, None, note)
 
 
 # --- channels that changed ------------------------------------------------------------------------------------------
