@@ -1587,11 +1587,12 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
     """Yield the questions that only the lab can answer, with defaults."""
     layouts = [main, *streams]
     if any(layout.roles.rate is None for layout in layouts):
-        guess, why = _rate_guess(main)
+        # A drive's motion needs an answer: see `require_rate`.
+        default, why = ("unknown", "the files do not show it") if drive is not None else _rate_guess(main)
         yield Question(
             "rate",
             "What is the sampling rate? No column is a time, and no file states the rate.",
-            "unknown" if drive is not None else f"{guess:g} Hz",
+            default,
             f"all speeds, filters and inertias; {why}",
         )
     if drive is not None:
@@ -1740,11 +1741,12 @@ def _counts_question(guess: object) -> Question:
     )
 
 
-def _rate_guess(main: Layout) -> tuple[float, str]:
+def _rate_guess(main: Layout) -> tuple[str, str]:
     """Return a guess of the rate where nothing states it, with its reason: EMG is filtered to 500 Hz as a rule."""
     emg = [r for r in main.channels if r.quantity == "emg"]
     if not emg:
-        return PROPOSAL_LIMITS.default_rate_hz, "the files do not show it, and the default is only a placeholder"
+        default = f"{PROPOSAL_LIMITS.default_rate_hz:g} Hz"
+        return default, "the files do not show it, and the default is only a placeholder"
     from scipy.signal import welch  # it loads all of scipy.stats
 
     edges = []
@@ -1755,7 +1757,7 @@ def _rate_guess(main: Layout) -> tuple[float, str]:
         edges.append(float(frequency[np.searchsorted(np.cumsum(power), 0.95 * power.sum())]))
     edge = float(np.median(edges))
     best = min((1000.0, 1024.0, 1500.0, 2000.0, 2048.0, 4000.0), key=lambda rate: abs(np.log(edge * rate / 250.0)))
-    return best, f"95 % of EMG power usually lies below 250 Hz, here below {edge:.3g} times the sampling rate"
+    return f"{best:g} Hz", f"95 % of EMG power usually lies below 250 Hz, here below {edge:.3g} times the sampling rate"
 
 
 def _tells_wearer(table: GivenTable) -> bool:
