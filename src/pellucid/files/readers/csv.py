@@ -243,8 +243,7 @@ def read_table(
     if words or lists or len(values) > 2:
         values, units = split_streams(path, values, units, words, lists)
     values, units = _with_named_time(values, units, facts)
-    if not any(unit_from_text(text) for name, text in units.items() if name != next(iter(values), None)):
-        units = _with_common_unit(values, units, facts)
+    units = _with_common_unit(values, units, facts)
     return Columns(path, values, units=units, facts=facts, personal=tuple(personal), damaged=lost.text)
 
 
@@ -328,10 +327,11 @@ def _with_common_unit(
 ) -> dict[str | int, str]:
     """Return units with the one that a line above the table states of all its signals, as BTS's ``Measure unit: V``.
 
-    Numbers of rows and times have no such unit.
+    Numbers of rows and times have no such unit, and no column does where a signal states its own.
     """
     stated = next((unit_from_text(text) for key, text in facts.items() if folded_key(key) in COMMON_UNIT_KEYS), None)
-    if stated is None:
+    first = next(iter(values), None)
+    if stated is None or any(unit_from_text(text) for name, text in units.items() if name != first):
         return units
     common: dict[str | int, str] = {
         name: stated
