@@ -87,9 +87,10 @@ def test_a_slower_sensor_in_a_faster_table_has_rows_of_its_own(tmp_path):
     assert found.rate == pytest.approx(100.0)
 
 
-def test_random_losses_are_no_slower_sensor(tmp_path):
+@pytest.mark.parametrize("share", [0.5, 0.7])
+def test_random_losses_are_no_slower_sensor(tmp_path, share):
     t, q, tau = swing(rate=500.0)
-    lost = np.random.default_rng(3).random(len(t)) < 0.5
+    lost = np.random.default_rng(3).random(len(t)) < share
     path = tmp_path / "radio.csv"
     rows = [f"{a:.3f},{'' if x else f'{b:.5f}'},{c:.5f}" for a, b, c, x in zip(t, q, tau, lost, strict=True)]
     path.write_text("\n".join(["time_s,angle_rad,torque_Nm", *rows, ""]), encoding="utf-8")
@@ -125,27 +126,29 @@ def test_what_a_reference_instrument_shows_was_measured(name, is_command):
     assert read_name(name).is_command == is_command
 
 
-def with_dropouts(n, share, seed=3):
-    """Return which of n rows a radio loses, in bursts of 30 rows, shape (n,) bool."""
-    starts = np.random.default_rng(seed).choice(n - 30, round(share * n / 30), replace=False)
-    lost = np.zeros(n, bool)
+def with_dropouts(share):
+    """Return which rows a radio loses, in bursts of 30 rows, shape (RADIO_ROWS,) bool."""
+    starts = np.random.default_rng(3).choice(RADIO_ROWS - 30, round(share * RADIO_ROWS / 30), replace=False)
+    lost = np.zeros(RADIO_ROWS, bool)
     for start in starts:
         lost[start : start + 30] = True
     return lost
 
 
-def logged_by_radio(path, share):
-    """Write a log whose position and torque are missing together, and return its path."""
-    t, q, tau = swing(seconds=60.0, rate=250.0)
-    lost = with_dropouts(len(t), share)
+RADIO_ROWS = 15000
+
+
+def logged_by_radio(path, lost):
+    """Write a log whose position and torque are missing together in the rows `lost`, and return its path."""
+    t, q, tau = swing(seconds=RADIO_ROWS / 250.0, rate=250.0)
     rows = [f"{a:.3f},," if x else f"{a:.3f},{b:.4f},{c:.4f}" for a, b, c, x in zip(t, q, tau, lost, strict=True)]
     path.write_text("\n".join(["time_s,angle_rad,torque_Nm", *rows, ""]), encoding="utf-8")
     return path
 
 
 def test_what_a_radio_loses_is_cut_and_the_rest_identified(tmp_path):
-    path = logged_by_radio(tmp_path / "wireless.csv", 0.2)
-    whole = proposed(logged_by_radio(tmp_path / "whole.csv", 0.0)).processing
+    path = logged_by_radio(tmp_path / "wireless.csv", with_dropouts(0.2))
+    whole = proposed(logged_by_radio(tmp_path / "whole.csv", with_dropouts(0.0))).processing
     found = proposed(path).processing
     assert whole.cut_share is None
     assert 0.2 <= found.cut_share <= 0.4
@@ -154,8 +157,9 @@ def test_what_a_radio_loses_is_cut_and_the_rest_identified(tmp_path):
     assert "cut_share" in (tmp_path / "study" / "study.toml").read_text(encoding="utf-8")
 
 
-def test_a_log_that_is_mostly_missing_keeps_the_usual_share(tmp_path):
-    assert proposed(logged_by_radio(tmp_path / "wireless.csv", 1.2)).processing.cut_share is None
+@pytest.mark.parametrize("lost", [with_dropouts(1.2), np.arange(RADIO_ROWS) % 1500 < 900], ids=["bursts", "blocks"])
+def test_a_log_that_is_mostly_missing_keeps_the_usual_share(tmp_path, lost):
+    assert proposed(logged_by_radio(tmp_path / "wireless.csv", lost)).processing.cut_share is None
 
 
 def test_the_advised_answer_to_a_refuted_unit_also_corrects_the_speed(tmp_path):
@@ -299,6 +303,13 @@ def test_two_positions_in_the_ratio_of_a_gear_are_one_joint(tmp_path):
     assert 'position = { column = "Feedback2.Position [deg]"' in text
 
 
+@pytest.mark.parametrize("other", [1.1 * swing(rate=200.0)[1], swing(seed=2, rate=200.0)[1]], ids=["sensor", "joint"])
+def test_two_angles_without_a_gear_between_them_are_no_motor_and_joint(tmp_path, other):
+    t, q, tau = swing(rate=200.0)
+    path = written(tmp_path / "d.csv", "time_s,first [rad],second [rad],torque_Nm", (t, q, other, tau))
+    assert dict(proposed(path).main.roles.geared) == {}
+
+
 @pytest.mark.parametrize("share", [0.1, 0.001])
 def test_two_joints_that_move_alike_stay_joints(tmp_path, share):
     t, q, tau = swing(rate=200.0)
@@ -335,10 +346,6 @@ def test_a_further_column_named_like_a_channel_is_none(tmp_path):
 
 
 def test_losses_that_leave_no_stretch_are_refused_by_their_name(tmp_path):
-    t, q, tau = swing(rate=250.0)
-    lost = np.random.default_rng(6).random(len(t)) < 0.2
-    rows = [f"{a:.3f},," if x else f"{a:.3f},{b:.4f},{c:.4f}" for a, b, c, x in zip(t, q, tau, lost, strict=True)]
-    path = tmp_path / "radio.csv"
-    path.write_text("\n".join(["time_s,angle_rad,torque_Nm", *rows, ""]), encoding="utf-8")
+    path = logged_by_radio(tmp_path / "radio.csv", np.random.default_rng(6).random(RADIO_ROWS) < 0.2)
     with pytest.raises(PellucidError, match="missing sample"):
         init_from_files(tmp_path / "refused", [path])
