@@ -263,9 +263,11 @@ def test_a_log_that_begins_at_rest_is_identified(tmp_path):
     assert tried.answer.verdict == "yes"
 
 
-def test_the_middle_of_a_converters_range_is_an_offset_and_no_size(tmp_path):
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_the_middle_of_a_converters_range_is_an_offset_and_no_size(tmp_path, noise):
     t, q, tau = swing()
-    path = written(tmp_path / "adc.csv", "t_s,angle_rad,current_adc", (t, q, np.round(2048.0 + 250.0 * tau)))
+    measured = tau + noise * np.random.default_rng(7).standard_normal(len(t))
+    path = written(tmp_path / "adc.csv", "t_s,angle_rad,current_adc", (t, q, np.round(2048.0 + 250.0 * measured)))
     init_from_files(tmp_path / "study", [path])
     lost = written(tmp_path / "lost.csv", "t_s,angle_rad,current_adc", (t, q, np.round(250.0 * np.abs(tau))))
     with pytest.raises(PellucidError, match="with its sign"):
