@@ -12,6 +12,7 @@ from ...files.cut import BRIDGED_LOWPASS_PERIODS, MIN_GAP_STEP_RATIO
 from ...files.defects.watched import find_runs
 from ...numerics.filters import zero_phase_lowpass
 from ...numerics.motion import Filtering, shortest
+from ...study.study_file import Processing
 from .angle_units import find_quantum
 
 
@@ -40,8 +41,6 @@ class ProcessingLimits:
     min_kept_share: float = 0.8
     # Above this share of missing samples a recording has other faults than losses. Chosen by judgement.
     max_missing_share: float = 0.5
-    # A study allows this share of a recording's samples to be cut without saying so.
-    usual_cut_share: float = 0.1
     # The allowed share exceeds what is missing by this share, for losses are not spread evenly.
     cut_share_margin: float = 0.1
     # Periods of the low-pass that are left out at each border, where the filter has not settled.
@@ -173,7 +172,7 @@ def cut_missing(choice: ProcessingChoice, tables: Sequence[np.ndarray], rate: fl
     """
     limits = PROCESSING_LIMITS
     share = max((float(np.mean(part)) for rows in tables for part in np.array_split(rows, 2) if len(part)), default=0.0)
-    if not limits.usual_cut_share < share <= limits.max_missing_share:
+    if not Processing.model_fields["cut_share"].default < share <= limits.max_missing_share:
         return choice
     thinned = next(
         (k for k in range(choice.decimate, 0, -1) if _sound_share(tables, choice, k) >= limits.min_kept_share), None
