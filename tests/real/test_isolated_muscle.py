@@ -1,9 +1,12 @@
 """A real muscle, fully active: the model's force over imposed length, its offset fitted on one of six amplitudes."""
 
 import dataclasses
+import re
+import shutil
 
 import pytest
 
+import pellucid
 from pellucid._errors import IdentificationError
 from pellucid.emg.study.isolated_muscle.isolated_muscle import isolated_muscle
 from pellucid.study import datasets
@@ -44,4 +47,33 @@ def test_rows_say_what_was_fitted(found, study):
 def test_a_study_without_the_table_is_refused(study):
     bare = dataclasses.replace(study, config=study.config.model_copy(update={"isolated_muscle": None}))
     with pytest.raises(IdentificationError, match=r"\[isolated_muscle\]"):
+        isolated_muscle(bare)
+
+
+def edited(study, folder, pattern, text):
+    """Return a copy of the study with every match of a pattern in study.toml replaced."""
+    shutil.copytree(study.folder, folder)
+    place = folder / "study.toml"
+    place.write_text(re.sub(pattern, text, place.read_text(encoding="utf-8")), encoding="utf-8")
+    return pellucid.open(folder)
+
+
+AMPLITUDE, MILLIMETRES = r"(?m)^amplitude = .*$", 'unit = "mm"'
+
+
+@pytest.mark.parametrize("unit", ["1", "m"])
+def test_an_amplitude_scales_a_displacement_of_any_unit(study, found, tmp_path, unit):
+    other = isolated_muscle(edited(study, tmp_path / "s", MILLIMETRES, f'unit = "{unit}"'))
+    assert other.mae_percent == pytest.approx(found.mae_percent, rel=1e-12)
+
+
+def test_a_displacement_without_an_amplitude_is_the_measured_length(study, found, tmp_path):
+    """The file holds the displacement of the trial of 1 mm."""
+    trials = isolated_muscle(edited(study, tmp_path / "s", AMPLITUDE, "")).trials
+    assert {t.amplitude for t in trials} == {1e-3}
+
+
+def test_a_displacement_without_unit_and_amplitude_is_refused(study, tmp_path):
+    bare = edited(edited(study, tmp_path / "a", AMPLITUDE, ""), tmp_path / "b", MILLIMETRES, 'unit = "1"')
+    with pytest.raises(IdentificationError, match="found the unit 1 and no amplitude"):
         isolated_muscle(bare)

@@ -1013,7 +1013,8 @@ class RecordingEntry(StudyTable):
     period : int or None
         Period of the session, from 1. ``assess`` then removes its effect from the change between conditions.
     amplitude : float or None
-        Signed distance that each movement was to cover [rad or m], if no channel records it.
+        Signed distance that each movement was to cover [rad or m], if no channel records it. Of an isolated muscle, the
+        largest displacement of its end.
     payload : PayloadSpec or None
         Mass carried during the trial; without its `mass` it is unknown and estimated.
     optical : str or None

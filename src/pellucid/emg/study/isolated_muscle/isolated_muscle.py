@@ -4,7 +4,7 @@ The model rests where its fibre is at l_o and its tendon at its slack length; th
 offset from there, which is fitted on the recordings that may be fitted and on nothing else:
 
 .. math::
-   l_{mt}(t) = l_o\cos\varphi_o + l_{ts} + \Delta + A\,x(t), \qquad
+   l_{mt}(t) = l_o\cos\varphi_o + l_{ts} + \Delta + x(t), \qquad
    e = \frac{100}{n F_{iso}} \sum_t |F(t) - \hat F(t)|
 """
 
@@ -247,11 +247,20 @@ def _imposed(recording: Recording, study: Study) -> tuple[np.ndarray, np.ndarray
             f"{source.path.name} (recording {recording.name}), channel {bad[0].channel}: found {bad[0].found} at "
             f"{bad[0].start:.6g} s, expected a displacement without gaps: the muscle is simulated over all of it"
         )
-    if amplitude is None or table.displacement not in source:
-        missing = "amplitude" if amplitude is None else f"channel {table.displacement}"
-        raise IdentificationError(f"{recording.name}: found no {missing}, expected the displacement of the free end")
+    if table.displacement not in source:
+        raise IdentificationError(
+            f"{recording.name}: found no channel {table.displacement}, expected the displacement of the free end"
+        )
+    unit, moved = source.channels[table.displacement].unit, source[table.displacement]
+    largest = float(np.max(np.abs(moved)))
+    if amplitude is None and unit != "m":
+        raise IdentificationError(
+            f"{recording.name}, channel {table.displacement}: found the unit {unit} and no amplitude, expected a "
+            "length, or the amplitude of the displacement in [[recordings]]"
+        )
+    scale = 1.0 if amplitude is None else amplitude / largest
     time = np.arange(source.time[0], recording.time[-1] + SIMULATION_PERIOD_S, SIMULATION_PERIOD_S)
-    return time, amplitude * np.interp(time, source.time, source[table.displacement]), amplitude
+    return time, scale * np.interp(time, source.time, moved), largest if amplitude is None else amplitude
 
 
 def _predicted(

@@ -15,7 +15,8 @@ class IsolatedMuscleTable(ProcedureTable):
     Attributes
     ----------
     force, displacement : str
-        Name of the channel. The displacement is relative to the recording's `amplitude`.
+        Name of the channel. The displacement is a length. With the `amplitude` of a recording it may have any unit,
+        and is scaled so that its largest value has that amplitude.
     stream : str
         Stream of the displacement, if it is not in the recording's own file.
     isometric_force : float
