@@ -4,8 +4,9 @@ import warnings
 
 import numpy as np
 import pytest
-from test_front_door_names import controlled, proposed, roles_of, swing, written
+from test_front_door_names import GRAVITY, INERTIA, controlled, proposed, roles_of, swing, written
 
+import pellucid as pl
 from pellucid._errors import PellucidError
 from pellucid.files.delay import _resample
 from pellucid.files.name_evidence import read_name
@@ -348,6 +349,37 @@ def test_a_further_column_named_like_a_channel_is_none(tmp_path):
 
 
 def test_losses_that_leave_no_stretch_are_refused_by_their_name(tmp_path):
-    path = logged_by_radio(tmp_path / "radio.csv", np.random.default_rng(6).random(RADIO_ROWS) < 0.2)
+    path = logged_by_radio(tmp_path / "radio.csv", np.arange(RADIO_ROWS) % 40 < 15)
     with pytest.raises(PellucidError, match="missing sample"):
         init_from_files(tmp_path / "refused", [path])
+
+
+@pytest.mark.parametrize("share", [0.001, 0.15, 0.3])
+def test_single_missing_samples_are_bridged_and_their_share_is_stated(tmp_path, share):
+    t, q, tau = swing(seconds=RADIO_ROWS / 250.0, rate=250.0)
+    rng = np.random.default_rng(6)
+    columns = [np.where(rng.random(RADIO_ROWS) < share, np.nan, x) for x in (q, tau)]
+    rows = [",".join("" if np.isnan(x) else f"{x:.4f}" for x in row) for row in zip(t, *columns, strict=True)]
+    path = tmp_path / "radio.csv"
+    path.write_text("\n".join(["time_s,angle_rad,torque_Nm", *rows, ""]), encoding="utf-8")
+    init_from_files(tmp_path / "study", [path])
+    study = pl.open(tmp_path / "study")
+    found = {row.id.removeprefix("study.headline."): row.value for row in pl.identify(study).rows}
+    assert found["inertia"] == pytest.approx(INERTIA, rel=0.02)
+    assert found["gravity"] == pytest.approx(GRAVITY, rel=0.01)
+    noted = [fault.found for fault in pl.check(study) if fault.kind == "missing_samples" and fault.severity == "note"]
+    assert noted
+    percent = 100.0 * (1.0 - (1.0 - share) ** 2)
+    assert float(noted[0].partition("(")[2].partition(" %")[0]) == pytest.approx(percent, rel=0.2)
+
+
+def test_a_long_loss_among_short_ones_stays_a_gap(tmp_path):
+    lost = np.random.default_rng(6).random(RADIO_ROWS) < 0.05
+    lost[7000:7400] = True
+    path = logged_by_radio(tmp_path / "radio.csv", lost)
+    init_from_files(tmp_path / "study", [path])
+    recordings = pl.open(tmp_path / "study").recordings()
+    cuts = {(cut.samples, cut.kind) for recording in recordings for cut in recording.cuts}
+    assert (400, "missing_samples") in cuts
+    assert all(cut[0] >= 400 for cut in cuts)
+    assert sum(recording.bridged for recording in recordings) == pytest.approx(0.05 * (RADIO_ROWS - 400), rel=0.1)

@@ -68,6 +68,7 @@ def test_the_name_of_a_project_is_no_person(tmp_path):
     found = proposed(written(tmp_path / "scope.csv", head, columns, delimiter="\t", above=above))
     assert found.drive is not None
     assert "rated" in {question.key for question in found.asked}
+    assert found.main.tables[0].personal == ()
 
 
 def test_the_moment_of_one_joint_is_a_torque(tmp_path):

@@ -53,10 +53,12 @@ _PERSON_WORDS = frozenset(
 _THING_WORDS = frozenset(
     {
         "file", "channel", "signal", "test", "trial", "column", "variable", "protocol", "device", "sensor", "muscle",
-        "study",
+        "study", "project", "scope", "measurement", "recording", "session", "configuration", "view", "chart", "drive",
+        "motor", "axis", "controller",
     }
 )  # fmt: skip
-"""Words that stand for a thing. Beside the word "name" they make a label one of a thing's name."""
+"""Words that stand for a thing. Beside the word "name" they make a label one of a thing's name; a value with one under
+the bare label "name" is no person's either."""
 
 MAX_SEARCHED_CHARACTERS = 1000
 """Only this many characters of a line are searched for a label and its value."""
@@ -110,7 +112,8 @@ def personal_kind(label: str, value: str = "") -> str | None:
             return kind
     words_of = set(folded.split())
     names_something = words_of & {"name", "names"} and not words_of & _THING_WORDS
-    if names_something and (words_of & _PERSON_WORDS or _PERSON_NAME.fullmatch(value.strip())):
+    is_like_name = _PERSON_NAME.fullmatch(value.strip()) and not set(_folded(value).split()) & _THING_WORDS
+    if names_something and (words_of & _PERSON_WORDS or is_like_name):
         return "name"
     if _EMAIL_ADDRESS.search(value[:MAX_SEARCHED_CHARACTERS]):
         return "contact"

@@ -118,6 +118,8 @@ class Recording:
         Stretches with defects, and those that study.toml excludes, in order of time.
     repeats : int
         Number of rows that were excluded because a packet was delivered twice.
+    bridged : int
+        Number of rows with a missing sample that was interpolated.
     smooth_stamps : str
         Whether time stamps are smoothed: ``"automatic"``, ``"always"`` or ``"never"``.
     uncut : Recording or None
@@ -150,6 +152,7 @@ class Recording:
     period: int | None = None
     cuts: tuple[Cut, ...] = ()
     repeats: int = 0
+    bridged: int = 0
     smooth_stamps: str = "automatic"
     uncut: Recording | None = field(default=None, repr=False)
     piece_of: str = ""

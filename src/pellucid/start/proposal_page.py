@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..study.answer import Answer, AnswerVerdict, Step
+from ..study.answer import Answer, AnswerVerdict, Step, with_assumed
 from ..study.drawing.drawing import Drawing, Head, draw, heads, key, line, one_panel, tidy
 from ..study.drawing.style import FIGURE_WIDTH, colour
 from ..study.pages.forest import Row, Table, number_table
@@ -22,13 +22,16 @@ from .given_files import GivenFiles, GivenTable
 from .inference.assign_roles import ColumnRole
 from .inference.processing_choice import ProcessingChoice
 from .propose_study import Layout, Proposal
-from .study_text import channel_mark, channel_name
+from .study_text import channel_mark, channel_name, defaults_of
 
 MAX_PANELS_IN_FIGURE = 12
 """A figure has at most so many panels; further columns get a figure of their own."""
 
 MAX_PANELS = 60
 """At most so many columns of a layout are drawn."""
+
+WITH_ASSUMPTIONS = "with assumptions"
+"""Limit of the answer yes where defaults and guesses were taken."""
 
 MAX_DRAWN_ROWS = 100_000
 """At most so many rows of a column are drawn, evenly spread."""
@@ -120,16 +123,18 @@ def _short(text: str, most: int) -> str:
 def proposal_page(proposal: Proposal, folder: Path) -> Page:
     """Return the page of a proposal from which the study in `folder` was made."""
     open_questions = [q for q in proposal.asked if q.key not in proposal.answers]
-    page = _page(proposal, "study.toml has a comment for each of these lines.")
-    return _with_answer(
-        page,
+    page = _with_answer(
+        _page(proposal, "study.toml has a comment for each of these lines."),
         "Do the files contain everything that a study needs?",
-        "no" if open_questions or _guess_count(proposal) else "yes",
+        "yes",
         (
             *(Step(f"Answer: {q.text}") for q in open_questions[:3]),
             Step("Read each comment in study.toml that marks a guess, then check the study", "check", (), str(folder)),
         ),
     )
+    answer = with_assumed(page.answer, defaults_of(proposal))
+    is_assumed = answer.is_answered and (answer.assumed or _guess_count(proposal))
+    return replace(page, answer=replace(answer, qualifier=WITH_ASSUMPTIONS if is_assumed else ""))
 
 
 def unmade_page(proposal: Proposal, reason: str) -> Page:

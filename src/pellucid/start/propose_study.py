@@ -1976,8 +1976,16 @@ def _processing(main: Layout, drive: str | None) -> ProcessingChoice | None:
         return None
     first = main.roles.clock.first_sound
     missing = [_missing_rows(table, main, drive) for table in main.tables]
-    lost = [_lost_periods(table, main, positions[0], 0 if i else first) for i, table in enumerate(main.tables)]
-    once = slice(None) if lost[0] is None else _delivered_once(main.tables[0], main, first)
+    starts = [first, *(0 for _ in main.tables[1:])]
+    sampled = [
+        _delivered_once(table, main, start) & ~rows[start:]
+        for table, start, rows in zip(main.tables, starts, missing, strict=True)
+    ]
+    lost = [
+        _lost_periods(table, main, positions[0], start, rows)
+        for table, start, rows in zip(main.tables, starts, sampled, strict=True)
+    ]
+    once = slice(None) if lost[0] is None else sampled[0]
     choices = [choose_processing(_decoded(main.tables[0], role)[first:][once], rate, lost[0]) for role in positions]
     choice = max(choices, key=lambda choice: choice.lowpass)
     periods = [periods for periods in lost if periods is not None]
@@ -1992,21 +2000,27 @@ def _missing_rows(table: GivenTable, main: Layout, drive: str) -> np.ndarray:
     return np.any([~np.isfinite(table.columns[name]) for name in names] or [np.zeros(table.rows, bool)], axis=0)
 
 
-def _lost_periods(table: GivenTable, main: Layout, position: ColumnRole, first: int) -> np.ndarray | None:
-    """Return how many sampling periods each step of a table's clock lasts; None unless it loses samples."""
-    clock = main.roles.clock
-    unknown = clock.column is None or main.roles.rate is None
-    if unknown or any(name not in table.columns for name in (clock.column, position.column)):
+def _lost_periods(
+    table: GivenTable, main: Layout, position: ColumnRole, first: int, rows: np.ndarray
+) -> np.ndarray | None:
+    """Return how many sampling periods lie between a table's `rows`, of those from the `first` on, shape (m - 1,).
+
+    None unless samples are lost.
+    """
+    clock, rate = main.roles.clock, main.roles.rate
+    needed = (position.column,) if clock.column is None else (position.column, clock.column)
+    if rate is None or any(name not in table.columns for name in needed):
         return None
-    once = _delivered_once(table, main, first)
-    time = clock.seconds(table.columns[clock.column])[first:]
-    return find_lost_periods(time[once], _decoded(table, position)[first:][once], main.roles.rate)
+    time = np.arange(table.rows) / rate if clock.column is None else clock.seconds(table.columns[clock.column])
+    return find_lost_periods(time[first:][rows], _decoded(table, position)[first:][rows], rate)
 
 
 def _delivered_once(table: GivenTable, main: Layout, first: int) -> np.ndarray:
     """Return which rows, from the `first` on, do not repeat the packet before them, as a study leaves them out."""
     clock = main.roles.clock
-    time = clock.seconds(table.columns[clock.column or ""])[first:]
+    if clock.column not in table.columns:
+        return np.ones(table.rows - first, bool)
+    time = clock.seconds(table.columns[clock.column])[first:]
     clocks = (clock.column, *clock.others)
     return first_deliveries(time, {name: x[first:] for name, x in table.columns.items() if name not in clocks})
 

@@ -499,7 +499,7 @@ def _processing(proposal: Proposal) -> list[str]:
     lines = ["", "[processing]", *_wrapped(why), f'lowpass = "{choice.lowpass:g} Hz"', "order = 4"]
     if choice.resample is not None:
         text = f'resample = "{choice.resample:.5g} Hz"'
-        lines.append(_line(text, "the clock loses samples; short losses are interpolated"))
+        lines.append(_line(text, "samples are missing; short losses are interpolated"))
     lines.append(f"decimate = {choice.decimate}")
     if choice.cut_share is not None:
         why = f"{MARK_GUESS}: samples are missing; what lies between them is used"

@@ -38,7 +38,7 @@ def watched_part(
 ) -> WatchedRecording:
     """Return the part of a recording, or of one of its streams, that the procedures of a study read."""
     own = regressed_joints(config) if not stream or config.streams[stream].join else ()
-    names = {n for n in recording.channels for t in config.procedures.values() if t.reads(n, stream)}
+    names: set[str] = set()
     accepted = {name for name, spec in specs.items() if spec.clip == "accept"}
     drives, limits = {}, {}
     for joint in own:
@@ -59,6 +59,8 @@ def watched_part(
             limits[drive] = tuple(limit for limit in known if limit is not None)
             # The drive itself sets a duty: at its largest value it gave just that, and no sensor ended there.
             accepted |= {drive} if drive.partition(".")[0] == "duty" else set()
+    regressed = names & set(recording.channels)
+    names |= {n for n in recording.channels for t in config.procedures.values() if t.reads(n, stream)}
     bridged = max_bridged_gap(processing, recording.fs) if processing.resample is not None else 0.0
     readers = [t for t in config.procedures.values() if any(t.reads(n, stream) for n in recording.channels)]
     if readers and not own:
@@ -70,6 +72,7 @@ def watched_part(
         limits,
         frozenset(accepted),
         bridged,
+        regressed=frozenset(regressed),
     )
 
 

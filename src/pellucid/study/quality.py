@@ -147,7 +147,8 @@ def clipped_effort_faults(recording: Recording, study: Study) -> list[Fault]:
 def clock_faults(recording: Recording, study: Study) -> list[Fault]:
     """Return the faults of the clocks of a recording and its streams: packets delivered twice, stamps that jitter."""
     repeated = (_repeat_fault(each) for each in (recording, *recording.streams.values()))
-    return [fault for fault in (*repeated, _jitter_fault(recording, study)) if fault is not None]
+    bridged = (_bridged_fault(each) for each in (recording, *recording.streams.values()))
+    return [fault for fault in (*repeated, *bridged, _jitter_fault(recording, study)) if fault is not None]
 
 
 def _repeat_fault(recording: Recording) -> Fault | None:
@@ -159,6 +160,16 @@ def _repeat_fault(recording: Recording) -> Fault | None:
     end = f"expected {wanted}; the repeated rows are excluded"
     severity = "warn" if recording.repeats > MAX_HARMLESS_REPEATS * rows else "note"
     return fault_of(recording, severity, "repeated_packets", "time", found=found, expected=wanted, end=end)
+
+
+def _bridged_fault(recording: Recording) -> Fault | None:
+    if not recording.bridged:
+        return None
+    share = 100.0 * recording.bridged / len(recording)
+    found = f"{recording.bridged} of {len(recording)} rows with a missing sample ({share:.3g} %)"
+    expected = "a number in every sample"
+    end = f"expected {expected}; interpolated over"
+    return fault_of(recording, "note", "missing_samples", "time", found=found, expected=expected, end=end)
 
 
 MAX_HARMLESS_REPEATS = 0.05

@@ -21,6 +21,7 @@ from ..files.clock import first_deliveries
 from ..files.cut import Cut
 from ..files.defects.garbage import KIND as GARBAGE_KIND
 from ..files.defects.garbage import find_garbage, zeroed_rows, zeroed_text
+from ..files.defects.missing import interpolate_short_losses
 from ..files.delay import initial_offset, join_stream, shift_channels, undo_lags
 from ..files.kept_columns import kept_columns
 from ..files.optical import AXES, OpticalRecording
@@ -28,7 +29,7 @@ from ..files.pieces import pieces_between_cuts
 from ..files.readers.read import find_lost_end
 from ..files.recording import MAXIMAL_PROTOCOL, Channel, Payload, Recording, trim_missing_ends, within_streams
 from ..units import contradicts_unit
-from .find_defects import find_cuts, regressed_joints
+from .find_defects import find_cuts, regressed_joints, watched_part
 
 if TYPE_CHECKING:
     from ..files.readers import Columns
@@ -292,6 +293,15 @@ def add_uncut_emg(recording: Recording, file: RecordedFile) -> Recording:
     return replace(recording, uncut=_after(UNCUT_STEPS, whole, file))
 
 
+def bridge_missing(recording: Recording, file: RecordedFile) -> Recording:
+    """Return a recording whose short runs of missing samples are interpolated, if the study interpolates gaps."""
+    config, processing = file.study.config, file.processing
+    if processing.resample is None or processing.cut == "none" or len(recording) < 2 or not recording.advances:
+        return recording
+    watched = watched_part(recording, config, file.specs, processing, stream=file.stream)
+    return interpolate_short_losses(recording, sorted(watched.regressed), watched.bridged)
+
+
 def cut_defects(recording: Recording, file: RecordedFile) -> Recording:
     """Return a recording with its defects cut out, and with what is done to its stamps."""
     config, processing = file.study.config, file.processing
@@ -361,6 +371,7 @@ OWN_FILE_STEPS: tuple[Step, ...] = (
     mark_damaged_rows,
     exclude_by_hand,
     add_uncut_emg,
+    bridge_missing,
     cut_defects,  # after everything that changes rows, because cuts are counted in rows
     undo_delays,  # after the cuts, which no interpolation may cross
     trim_empty_ends,
@@ -372,6 +383,7 @@ STREAM_STEPS: tuple[Step, ...] = (
     remove_repeated_rows,
     mark_lost_end,
     mark_damaged_rows,
+    bridge_missing,
     cut_defects,
     undo_delays,
     trim_empty_ends,

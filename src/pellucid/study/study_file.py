@@ -853,8 +853,8 @@ class Processing(StudyTable):
     decimate : int
         Factor of decimation after filtering.
     resample : float or None
-        Uniform rate for interpolation before filtering [Hz]. Gaps of up to half a period of `lowpass` are then
-        interpolated. Without it, a clock that jitters is interpolated to its mean rate.
+        Uniform rate for interpolation before filtering [Hz]. Gaps and missing samples of up to half a period of
+        `lowpass` are then interpolated. Without it, a clock that jitters is interpolated to its mean rate.
     smooth_stamps : str
         ``"automatic"`` smooths time stamps that jitter if the recorded motion then fits them better, unless `resample`
         is stated; ``"always"`` and ``"never"`` decide it.

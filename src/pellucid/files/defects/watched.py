@@ -35,6 +35,7 @@ class WatchedRecording:
     accepted: frozenset[str] = frozenset()  # channels that may rest at their largest value
     bridged: float = 0.0  # longest gap that the study's interpolation bridges [s]
     cuts: tuple[Cut, ...] = ()  # cuts found so far, beside those of the recording
+    regressed: frozenset[str] = frozenset()  # channels that a regression reads; it interpolates their short losses
 
     def is_drive(self, name: str) -> bool:
         """Whether channel `name` is a drive's command."""

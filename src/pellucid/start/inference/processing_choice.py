@@ -167,10 +167,13 @@ def bridge_losses(choice: ProcessingChoice, tables: Sequence[np.ndarray], rate: 
 def cut_missing(choice: ProcessingChoice, tables: Sequence[np.ndarray], rate: float) -> ProcessingChoice:
     """Return a choice that allows the missing samples of recordings to be cut, if enough is left between them.
 
-    `tables` holds the rows without a sample of each table, (n,) bool, at `rate` [Hz]. A stretch between losses needs
-    some rows after thinning, so that less is thinned where losses are frequent.
+    `tables` holds the rows without a sample of each table, (n,) bool, at `rate` [Hz]; short losses that are bridged
+    are not cut. A stretch between losses needs some rows after thinning, so that less is thinned where losses are
+    frequent.
     """
     limits = PROCESSING_LIMITS
+    if choice.resample is not None:
+        tables = [_unbridged(rows, _bridged_periods(choice.lowpass, rate)) for rows in tables]
     share = max((float(np.mean(part)) for rows in tables for part in np.array_split(rows, 2) if len(part)), default=0.0)
     if not Processing.model_fields["cut_share"].default < share <= limits.max_missing_share:
         return choice
@@ -180,6 +183,15 @@ def cut_missing(choice: ProcessingChoice, tables: Sequence[np.ndarray], rate: fl
     if thinned is None:
         return choice
     return replace(choice, decimate=thinned, cut_share=round(share + limits.cut_share_margin, 1))
+
+
+def _unbridged(rows: np.ndarray, longest: float) -> np.ndarray:
+    """Return `rows`, (n,) bool, without the runs that are bridged: the rows around one are `longest` apart at most."""
+    kept = rows.copy()
+    for first, length in zip(*find_runs(rows), strict=True):
+        if length + 1 <= longest and first > 0 and first + length < len(rows):
+            kept[first : first + length] = False
+    return kept
 
 
 def _sound_share(tables: Sequence[np.ndarray], choice: ProcessingChoice, decimate: int) -> float:
