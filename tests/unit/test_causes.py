@@ -69,6 +69,12 @@ def test_a_parallel_spring_is_a_term_and_gravity_is_without_it():
     assert law.values["parallel_stiffness"] == joint["parallel_stiffness"].value
 
 
+def test_an_effort_of_another_shape_than_a_springs_is_none():
+    """Without a least share that it has to save, this effort of the angle's square would be a spring."""
+    _, q, v, a = motion()
+    assert "parallel_spring" not in found(noisy(effort(q, v, a) + 0.05 * q**2))
+
+
 def test_parts_that_rattle_across_a_gap_are_backlash():
     """Each turn of the load rattles with a phase of its own: no column predicts it."""
     t, q, v, a = motion()

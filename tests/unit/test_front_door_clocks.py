@@ -383,3 +383,14 @@ def test_a_long_loss_among_short_ones_stays_a_gap(tmp_path):
     assert (400, "missing_samples") in cuts
     assert all(cut[0] >= 400 for cut in cuts)
     assert sum(recording.bridged for recording in recordings) == pytest.approx(0.05 * (RADIO_ROWS - 400), rel=0.1)
+
+
+@pytest.mark.parametrize(("late", "clocks"), [(0.0005, {"time_s"}), (0.005, {"time_s.hip", "time_s.knee"})])
+def test_labels_share_a_clock_if_their_messages_are_sent_in_turn(tmp_path, late, clocks):
+    t, q, _ = swing()
+    turns = [(("hip", a, b), ("knee", a + late, 2.0 * b)) for a, b in zip(t, q, strict=True)]
+    rows = [f"{a:.4f},{name},{b:.5f}" for pair in turns for name, a, b in pair]
+    path = tmp_path / "bus.csv"
+    path.write_text("\n".join(["time_s,joint,angle_rad", *rows, ""]), encoding="utf-8")
+    columns = read_columns(path).values
+    assert {name for name in columns if name.startswith("time")} == clocks

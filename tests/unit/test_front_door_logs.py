@@ -11,6 +11,7 @@ from pellucid.files.recording import LOCKED_SPRING_PROTOCOL
 from pellucid.joint.fit.recording_agreement import RecordingRows, _compare, estimate_step
 from pellucid.start.given_files import read_given, tables_of_columns
 from pellucid.start.init_from_files import missing_part
+from pellucid.start.proposal_page import proposal_page
 from pellucid.start.propose_study import propose_study, require_signed_effort
 from pellucid.start.try_log import try_log
 
@@ -290,3 +291,19 @@ def test_a_recording_that_cannot_tell_inertia_from_weight_may_contradict_the_oth
     assert found is not None
     assert set(found[1].own) & {"inertia", "gravity"}
     assert _compare(rows_of("alike", (0.5,), 0.05, 2.0, 4), others, names, values) is None
+
+
+@pytest.mark.parametrize(
+    ("answers", "effort", "badge"),
+    [
+        ({}, "torque_Nm", "Yes (with assumptions)"),
+        ({"worn": "no", "angle_zero": "yes"}, "torque_Nm", "Yes"),
+        ({}, "torque_raw", "Cannot say"),
+    ],
+)  # fmt: skip
+def test_a_proposals_page_says_whether_it_rests_on_assumptions(tmp_path, answers, effort, badge):
+    t, q, _, tau = swing()
+    path = written(tmp_path / "log.csv", f"time_s,angle_rad,{effort}", [t, q, tau])
+    answer = proposal_page(propose_study(read_given([path]), "study", answers), tmp_path).answer
+    assert answer.badge == badge
+    assert bool(answer.assumed) == (not answers)
