@@ -17,7 +17,7 @@ A `domain.py` holds references and imports nothing of its domain, so that none o
     Functions that check the columns of a log of the domain's kind: a `files.log.Log` in, `files.log.LogFinding` objects
     out. Their findings on a channel replace those of the general checks.
 ``LOGS_CHECKS``
-    Functions that tell what several logs show only together: a sequence of `files.log.Log` in, a list of
+    Functions that tell what depends on all logs that are audited: a sequence of `files.log.Log` in, a list of
     `files.log.LogFinding` objects for each out.
 ``WORN_BODIES``
     Functions that build, from model cards, the body with which a wearer's torque is computed, as

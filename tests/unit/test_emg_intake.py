@@ -121,6 +121,14 @@ def test_emg_alone_is_a_study_of_muscles(tmp_path):
     assert "[emg_torque]" not in made.text
 
 
+def test_envelopes_of_too_few_muscles_are_refused_in_their_own_words(tmp_path):
+    t, x = bursts(seconds=6.0, channels=2)
+    envelopes = np.abs(np.sin(2.0 * t))[::10, None] * (1.0, 0.8)
+    path = written(tmp_path / "walk.csv", ["time_s", "VL_percent", "BF_percent"], [t[::10], *(90.0 * envelopes.T)])
+    with pytest.raises(UnfitRecordingError, match="the envelopes of 2 muscles, expected raw EMG"):
+        front_door.init_from_files(tmp_path / "study", [path])
+
+
 def test_a_maximal_contraction_is_a_maximum_only(tmp_path):
     t, x = bursts()
     names = ["time_s", "VL_mV", "RF_mV", "BF_mV"]
@@ -290,6 +298,20 @@ def test_exchanged_channels_of_one_of_several_files_have_the_same_finding_in_aud
     made = front_door.init_from_files(tmp_path / "study", files)
     checked = {(f.file, f.channel) for f in made.faults if f.kind == "exchanged"}
     assert checked == {("walk2.csv", "emg.vastus_lateralis"), ("walk2.csv", "emg.rectus_femoris")}
+
+
+def test_check_examines_the_emg_of_recordings_that_it_excludes(tmp_path):
+    t, whole = np.arange(12000) / RATE, walking(1)
+    spoilt = whole.copy()
+    spoilt[4000:4900, 0] = spoilt[4000, 0]
+    spoilt[:, 2] += 2e-4 * np.sin(2 * np.pi * 50.0 * t)
+    names = ["time_s", "VL_mV", "RF_mV", "BF_mV", "TA_mV"]
+    files = [written(tmp_path / f"walk{k}.csv", names, [t, *(1e3 * x.T)]) for k, x in enumerate((whole, spoilt))]
+    made = front_door.init_from_files(tmp_path / "study", files)
+    own = {(f.kind, f.channel) for f in made.faults if f.file == "walk1.csv"}
+    assert ("dropout", "emg.vastus_lateralis") in own
+    assert ("mains_hum", "emg.biceps_femoris") in own
+    assert not [f for f in made.faults if f.severity == "refuse"]
 
 
 def test_a_refusal_carries_every_fault(tmp_path):

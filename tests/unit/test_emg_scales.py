@@ -13,6 +13,7 @@ from pellucid.emg.study.muscle_channels import per_trial_faults
 from pellucid.files.log import log_of
 from pellucid.files.readers import read_columns
 from pellucid.files.recording import Channel, Recording
+from pellucid.start.init_from_files import init_from_files
 
 RATE = 2000.0
 
@@ -52,6 +53,41 @@ def test_trials_that_are_each_divided_by_their_own_maximum_are_named(tmp_path):
     assert fault.kind == "normalised_per_trial"
     shared = [trial(tmp_path, f"walk{k}", x * (1.0 - 0.1 * k) / x.max()) for k, x in enumerate(made)]
     assert per_trial_faults(shared) == []
+
+
+def envelope_file(tmp_path, name, columns):
+    """Write relative envelopes, (n, 3) [%], of three muscles."""
+    rows = (f"{i / 100:.2f}," + ",".join(f"{x:.6f}" for x in row) for i, row in enumerate(columns.tolist()))
+    path = tmp_path / f"{name}.csv"
+    path.write_text("time_s,VL_percent,BF_percent,TA_percent\n" + "\n".join(rows) + "\n")
+    return path
+
+
+def envelopes(seed, n=600):
+    phase = np.random.default_rng(seed).uniform(0.0, 6.0, 3)
+    i = np.arange(n)[:, None]
+    return 0.02 + np.clip(np.sin(i / 17.0 + phase), 0.0, None) ** 2 * (1.0 + 0.1 * np.sin(i / 61.0))
+
+
+def test_the_own_maximum_of_a_single_recording_is_named_by_every_door(tmp_path):
+    x = envelopes(0)
+    path = envelope_file(tmp_path, "walk", 100.0 * x / x.max(axis=0))
+    verdicts = pl.audit([path]).verdicts
+    audited = {v.channel for v in verdicts for _, f in v.findings if f.kind == "normalised_per_trial"}
+    assert len(audited) == 3
+    made = init_from_files(tmp_path / "study", [path])
+    assert {f.channel for f in made.faults if f.kind == "normalised_per_trial"} == {
+        "emg.vastus_lateralis", "emg.biceps_femoris", "emg.tibialis_anterior",
+    }  # fmt: skip
+
+
+def test_a_maximum_that_one_of_several_recordings_reaches_is_that_of_all(tmp_path):
+    trials = [envelopes(k) for k in range(3)]
+    top = np.max([x.max(axis=0) for x in trials], axis=0)
+    paths = [envelope_file(tmp_path, f"walk{k}", 100.0 * x / top) for k, x in enumerate(trials)]
+    assert not [f for v in pl.audit(paths).verdicts for _, f in v.findings if f.kind == "normalised_per_trial"]
+    made = init_from_files(tmp_path / "study", paths)
+    assert not [f for f in made.faults if f.kind == "normalised_per_trial"]
 
 
 def test_lost_samples_are_a_gap_of_the_clock_and_both_rates_are_told(tmp_path):

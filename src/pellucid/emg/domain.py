@@ -10,6 +10,9 @@ It is ten times the memory of the slowest filter of angles and torques, which ru
 judgement; no measurement is recorded.
 """
 
+EXCLUDED_FAULTS = ".muscle_channels:excluded_faults"
+"""Function that examines the EMG of recordings that a procedure excludes."""
+
 PROCEDURE_ENTRIES = (
     ProcedureEntry(
         package=f"{__package__}.study.emg_torque",
@@ -18,6 +21,7 @@ PROCEDURE_ENTRIES = (
         order=80,
         table_class="emg_torque_table:EmgTorqueTable",
         find_faults="study_faults:study_faults",
+        find_excluded_faults=EXCLUDED_FAULTS,
         find="calibrate:calibrate",
         draw="calibration_page:page",
         find_inputs="emg_torque_table:card_and_muscle_files",
@@ -33,6 +37,7 @@ PROCEDURE_ENTRIES = (
         order=90,
         table_class="activations_table:ActivationsTable",
         find_faults=".emg_torque.study_faults:study_faults",
+        find_excluded_faults=EXCLUDED_FAULTS,
         find="find_activations:find_activations",
         draw="activations_page:page",
         find_inputs=".emg_torque.emg_torque_table:muscle_files",
@@ -56,6 +61,7 @@ PROCEDURE_ENTRIES = (
         order=110,
         table_class="onset_table:OnsetTable",
         find_faults="find_onsets:faults",
+        find_excluded_faults=EXCLUDED_FAULTS,
         find="find_onsets:find_onsets",
         draw="onset_page:page",
         brings=Command("onset", "Find when muscles become active, from raw EMG.", PEOPLE_GROUP, typed="emg onset"),
@@ -69,6 +75,7 @@ PROCEDURE_ENTRIES = (
         order=120,
         table_class="cocontraction_table:CocontractionTable",
         find_faults="find_cocontraction:faults",
+        find_excluded_faults=EXCLUDED_FAULTS,
         find="find_cocontraction:find_cocontraction",
         draw="cocontraction_page:page",
         brings=Command(
@@ -84,6 +91,7 @@ PROCEDURE_ENTRIES = (
         order=125,
         table_class="emg_force_table:EmgForceTable",
         find_faults="find_emg_force:faults",
+        find_excluded_faults=EXCLUDED_FAULTS,
         find="find_emg_force:find_emg_force",
         draw="emg_force_page:page",
         brings=Command(
@@ -98,6 +106,7 @@ PROCEDURE_ENTRIES = (
         order=130,
         table_class="synergies_table:SynergiesTable",
         find_faults="find_synergies:faults",
+        find_excluded_faults=EXCLUDED_FAULTS,
         find="find_synergies:run",
         draw="synergies_page:page",
         brings=Command(
@@ -113,4 +122,4 @@ ARRAY_FUNCTIONS = {
 }
 EXPORTER_CLASSES = ("study.estimator_folder:EstimatorExporter", "study.subject:MusclesExporter")
 LOG_CHECKS = ("signals.emg_log:emg_log_findings",)
-LOGS_CHECKS = ("signals.emg_log:exchanged_log_findings",)
+LOGS_CHECKS = ("signals.emg_log:exchanged_log_findings", "signals.emg_log:own_maximum_log_findings")

@@ -40,7 +40,7 @@ from .propose_study import (
     require_turns_of_motors,
     shared_folders,
 )
-from .study_text import channel_mark, channel_name, has_task, study_text
+from .study_text import MIN_SYNERGY_MUSCLES, channel_mark, channel_name, has_task, study_text
 
 EFFORT_QUANTITIES = ("torque", "force", "moment", "current", "voltage", "duty")
 """Quantities of which a study needs one: each tells the effort of a joint."""
@@ -64,6 +64,12 @@ def _missing_parts(proposal: Proposal) -> Iterator[str]:
         yield (
             "found joint moments of a person but no EMG, expected EMG, or the effort of a drive (torque, force, "
             "current, voltage or duty cycle)"
+        )
+    elif not has_task(proposal) and proposal.drive is None and "moment" not in quantities:
+        count = sum(role.quantity == "emg" for role in channels)
+        yield (
+            f"found only the envelope{'s' if count > 1 else ''} of {count} muscle{'s' if count > 1 else ''}, expected "
+            f"raw EMG, or the envelopes of at least {MIN_SYNERGY_MUSCLES} muscles"
         )
     elif not has_task(proposal):
         yield (

@@ -17,7 +17,7 @@ Each check looks for one cause by an effect on the signal that a muscle does not
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -227,6 +227,23 @@ def exchanged_findings(
             said = f"it shows what {named[other]} shows in {beside}, and {named[other]} what it shows there"
             found[named[own]] = EmgFinding(named[own], "exchanged", 0.0, end, 1.0, CONSEQUENCES["exchanged"], said)
     return found
+
+
+def own_maximum_channels(recordings: Sequence[tuple[Collection[str], Collection[str]]]) -> list[set[str]]:
+    """Return, for each of several recordings, the channels whose largest value is that of this recording alone.
+
+    Each has the names of all its relative channels, and of those that reach exactly their maximum. If one of several
+    recordings reaches it and the others do not, it is the maximum of all of them.
+    """
+    made = []
+    for _, reached in recordings:
+        own = set()
+        for name in reached:
+            others = [each for names, each in recordings if name in names]
+            if len(others) == 1 or sum(name in each for each in others) > 1:
+                own.add(name)
+        made.append(own)
+    return made
 
 
 def _checked_times(time: ArrayLike, n: int) -> np.ndarray:

@@ -8,11 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...files.log import ALARM_LEVEL, Log, LogChannel, LogFinding
-from .emg_findings import RELATIVE_UNITS, EmgFinding, clock_findings, emg_quality, exchanged_findings
+from .emg_findings import (
+    RELATIVE_UNITS,
+    EmgFinding,
+    clock_findings,
+    emg_quality,
+    exchanged_findings,
+    own_maximum_channels,
+)
 from .exchanged import exchanged_recordings
 
 MIN_SECONDS = 1.0
 """Shortest stretch of EMG that is examined [s]."""
+
+
+OWN_MAXIMUM_KIND = "normalised_per_trial"
+"""Kind of the finding that depends on the other recordings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +45,28 @@ def emg_log_findings(log: Log) -> list[LogFinding]:
             clocks.add(own.clock.name)
             nominal = log.nominal.get(own.clock.name, log.nominal.get(""))
             found += [_finding(one, own.rate) for one in clock_findings(own.clock.name, own.clock.samples, nominal)]
-        named = emg_quality(own.samples, rate=own.rate, channels=own.names, unit=own.unit)
-        found += [_finding(one, own.rate) for one in named]
+        found += [_finding(one, own.rate) for one in _quality(own) if one.kind != OWN_MAXIMUM_KIND]
     return found
+
+
+def own_maximum_log_findings(logs: Sequence[Log]) -> list[list[LogFinding]]:
+    """Return, for each log, which of its relative envelopes are divided by their own maximum."""
+    every = [[own for own in _emg_columns(log) if own.unit in RELATIVE_UNITS] for log in logs]
+    found = [[(one, own.rate) for own in log for one in _quality(own) if one.kind == OWN_MAXIMUM_KIND] for log in every]
+    members = [
+        ([name for own in log for name in own.names], [str(one.channel) for one, _ in reached])
+        for log, reached in zip(every, found, strict=True)
+    ]
+    kept = own_maximum_channels(members)
+    return [
+        [_finding(one, rate) for one, rate in reached if str(one.channel) in channels]
+        for reached, channels in zip(found, kept, strict=True)
+    ]
+
+
+def _quality(own: _EmgColumns) -> tuple[EmgFinding, ...]:
+    """Return the findings of columns of EMG."""
+    return emg_quality(own.samples, rate=own.rate, channels=own.names, unit=own.unit)
 
 
 def exchanged_log_findings(logs: Sequence[Log]) -> list[list[LogFinding]]:

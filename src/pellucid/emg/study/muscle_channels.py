@@ -5,7 +5,7 @@ The filter chain that a study's table asks for, with the mains that its fitted r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from ...files.recording import MAXIMAL_PROTOCOL, Recording
 from ...models.estimates import Verdict
 from ...study.study import Study
 from ..signals.emg_chain import EmgChain, emg_chain
-from ..signals.emg_findings import exchanged_findings, without_short_peaks
+from ..signals.emg_findings import emg_quality, exchanged_findings, own_maximum_channels, without_short_peaks
 from ..signals.emg_quality import FINDING_FAULTS, channel_fault, find_hum, inspect_emg
 from ..signals.exchanged import exchanged_recordings
 from .emg_torque.emg_torque_table import EmgTorqueTable
@@ -258,6 +258,21 @@ def session_faults(streams: Sequence[Recording]) -> list[Fault]:
     return per_trial_faults(streams) + exchanged_faults(streams)
 
 
+def excluded_faults(study: Study, names: Collection[str]) -> list[Fault]:
+    """Return what is wrong with the EMG of the excluded recordings of these names: none of it stops the study."""
+    streams, found, files = [], [], set()
+    for recording in study.recordings():
+        for part in (recording, *recording.streams.values()):
+            if not any(name.startswith("emg.") for name in part.channels):
+                continue
+            streams.append(part)
+            if recording.name in names:
+                found += inspect_emg(part)
+                files.add(part.path.name)
+    found += [fault for fault in session_faults(streams) if fault.file in files]
+    return [replace(fault, severity="warn") if fault.severity == "refuse" else fault for fault in found]
+
+
 def exchanged_faults(streams: Sequence[Recording]) -> list[Fault]:
     """Return faults of channels that are exchanged against another recording of the same participant."""
     groups: dict[tuple[object, ...], dict[Path, tuple[Recording, tuple[str, ...], np.ndarray]]] = {}
@@ -281,22 +296,41 @@ def exchanged_faults(streams: Sequence[Recording]) -> list[Fault]:
 
 
 def per_trial_faults(streams: Sequence[Recording]) -> list[Fault]:
-    """Return faults of relative envelopes of which each of several trials reaches exactly 1, its own maximum."""
-    tops: dict[tuple[str | None, str], list[Recording]] = {}
+    """Return faults of relative envelopes that reach exactly 1 in a recording: its own maximum.
+
+    Several recordings of a participant cannot be compared then. Of a single one it is a note.
+    """
+    files: dict[object, dict[Path, tuple[Recording, tuple[str, ...], set[str]]]] = {}
     for stream in streams:
-        for name, c in stream.channels.items():
-            known = c.samples[np.isfinite(c.samples)]
-            if name.startswith("emg.") and c.unit != "V" and known.size and abs(float(known.max()) - 1.0) < 1e-9:
-                tops.setdefault((stream.participant, name), []).append(stream)
-    found = []
-    for (_, name), own in tops.items():
-        if len(own) < 2 or len({each.path for each in own}) < 2:
-            continue
-        names = ", ".join(each.name for each in own[:5]) + (f" and {len(own) - 5} more" if len(own) > 5 else "")
-        said = f"a largest value of exactly 1 in each of {len(own)} recordings ({names}): each is its own maximum"
-        expected = "one maximum for all recordings of a participant"
-        found.append(channel_fault("warn", "normalised_per_trial", own[0].path.name, own[0].name, name, said, expected))
-    return found
+        own = files.setdefault(stream.participant, {})
+        if stream.path not in own:
+            whole = stream.uncut or stream
+            relative = {n: c.samples for n, c in whole.channels.items() if n.startswith("emg.") and c.unit != "V"}
+            reached: set[str] = set()
+            if relative:
+                samples = np.column_stack([*relative.values()])
+                found = emg_quality(samples, rate=whole.fs, channels=list(relative), unit="1")
+                reached = {str(one.channel) for one in found if one.kind == "normalised_per_trial"}
+            own[stream.path] = (stream, tuple(relative), reached)
+    faults = []
+    for own in files.values():
+        members = [*own.values()]
+        kept = own_maximum_channels([(names, reached) for _, names, reached in members])
+        for name in dict.fromkeys(n for _, names, _ in members for n in names):
+            trials = [stream for (stream, _, _), channels in zip(members, kept, strict=True) if name in channels]
+            if not trials:
+                continue
+            if len(trials) == 1:
+                severity, said = "note", "a largest value of exactly 1, its own maximum"
+            else:
+                listed = ", ".join(each.name for each in trials[:5])
+                listed += f" and {len(trials) - 5} more" if len(trials) > 5 else ""
+                severity, each = "warn", f"a largest value of exactly 1 in each of {len(trials)} recordings ({listed})"
+                said = f"{each}: each is its own maximum"
+            expected = "one maximum for all recordings of a participant"
+            where = trials[0].path.name, trials[0].name, name
+            faults.append(channel_fault(severity, "normalised_per_trial", *where, said, expected))
+    return faults
 
 
 def _table_of_participant(

@@ -117,7 +117,9 @@ def judge_trial(study: Study, trial: PlannedTrial, file: Path) -> Judged:
         faults += cut_faults(recording)
         for procedure in asked(alone):
             if trial.task.protocol in _checked_protocols(study, procedure):
-                unfit = [replace(fault, severity="refuse") for fault in procedure.unfit(alone).values()]
+                excluded = procedure.unfit(alone)
+                unfit = [replace(fault, severity="refuse") for fault in excluded.values()]
+                faults += procedure.excluded_faults(alone, excluded)
                 if not unfit:
                     taken = procedure.taken(alone)
                     used.append(procedure.command)

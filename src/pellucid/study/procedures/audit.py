@@ -271,10 +271,10 @@ def audit(
 
 
 def _with_findings_of_all(files: Sequence[AuditedFile]) -> list[AuditedFile]:
-    """Return files with what their logs show only together, such as channels that are exchanged in one of them."""
+    """Return files with what depends on all their logs, such as channels that are exchanged in one of them."""
     made = list(files)
     read = [i for i, file in enumerate(made) if file.log is not None]
-    for check in offered("LOGS_CHECKS") if len(read) > 1 else ():
+    for check in offered("LOGS_CHECKS"):
         for i, more in zip(read, check([made[i].log for i in read]), strict=True):
             made[i] = replace(made[i], findings=(*made[i].findings, *more))
     return made

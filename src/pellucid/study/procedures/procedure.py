@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -139,6 +139,10 @@ class Procedure(ABC, Generic[Table, Found]):
         faults = {r.name: left_out_fault(r, study, self.whole, self.shortest_piece) for r in study.recordings()}
         return {name: fault for name, fault in faults.items() if fault is not None}
 
+    def excluded_faults(self, study: Study, names: Collection[str]) -> list[Fault]:
+        """Return what else is wrong with excluded recordings, by their `names`, beside why they are excluded."""
+        return []
+
     def taken(self, study: Study) -> Study:
         """Return the study without unfit recordings; raise a RecordingError where no other is left."""
         unfit = self.unfit(study)
@@ -189,6 +193,8 @@ class ProcedureEntry(Procedure[Any, Any]):
     is_asked: str | None = None  # Function of a study, where it is not the table that asks
     find_inputs: str | None = None  # Function of a study that returns the files that it reads beside the recordings
     find_notes: str | None = None  # Function of a study that returns further faults to be told beside the result
+    # Function of a study and of names that returns what else is wrong with the excluded recordings of these names
+    find_excluded_faults: str | None = None
     brings: Command | None = None  # Its command, unless that has options of its own and stands in `cli.py`
     leaves_out: bool = True  # Whether recordings with too many cuts are left out; otherwise they refuse the study
     whole: bool = False
@@ -216,6 +222,12 @@ class ProcedureEntry(Procedure[Any, Any]):
     def unfit(self, study: Study) -> dict[str, Fault]:
         """Return the fault of each excluded recording; none if such a recording stops the procedure."""
         return super().unfit(study) if self.leaves_out else {}
+
+    def excluded_faults(self, study: Study, names: Collection[str]) -> list[Fault]:
+        """Return what else is wrong with excluded recordings, where this procedure looks at them."""
+        if self.find_excluded_faults is None or not names:
+            return []
+        return self._load(self.find_excluded_faults)(study, names)
 
     def run(self, study: Study, table: Any, tell: Progress = quiet, **options: Any) -> Any:
         return self._load(self.find)(study, tell, **options)

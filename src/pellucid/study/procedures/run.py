@@ -83,13 +83,15 @@ def check(study: Study, *, on_progress: Callable[[str, float], None] | None = No
     for i, procedure in enumerate(procedures):
         share = CHECK_READING_SHARE + (1.0 - CHECK_READING_SHARE) * i / len(procedures)
         tell(f"checking what {procedure.name.replace('_', ' ')} needs", share)
+        unfit = procedure.unfit(study)
+        faults += procedure.excluded_faults(study, unfit)
         try:
             taken = procedure.taken(study)
             faults += procedure.cut(study) + procedure.faults(taken, procedure.table_of(taken))
         except RecordingError:
-            if not procedure.unfit(study):
+            if not unfit:
                 raise
-            faults += [replace(fault, severity="refuse") for fault in procedure.unfit(study).values()]
+            faults += [replace(fault, severity="refuse") for fault in unfit.values()]
     first = ("refuse", "warn")
     return sorted(dict.fromkeys(faults), key=lambda f: first.index(f.severity) if f.severity in first else len(first))
 
