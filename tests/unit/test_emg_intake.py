@@ -230,6 +230,19 @@ def test_acknowledges_names_stand_in_lines_above_also_with_a_surplus_delimiter(t
     assert len(found["sec"]) == len(t)
 
 
+def test_acknowledges_units_of_percent_are_no_comments(tmp_path):
+    t, x = bursts(channels=2)
+    share = 90.0 * np.abs(x) / np.abs(x).max(axis=0)
+    lines = ["trial.acq", "1 msec/sample", "2 channels", "Vastus Lateralis", "%", "Soleus", "%", "sec,CH1,CH2,"]
+    lines.append(f",{len(t)},{len(t)},")
+    lines += [f"{a:.4f},{b:.6g},{c:.6g}," for a, (b, c) in zip(t, share, strict=True)]
+    (tmp_path / "trial.txt").write_text("\n".join(lines) + "\n")
+    found = read_columns(tmp_path / "trial.txt")
+    assert found.units["Vastus Lateralis"] == "%"
+    assert found.units["Soleus"] == "%"
+    assert len(found.values["Soleus"]) == len(t)
+
+
 def test_a_description_in_json_names_the_columns(tmp_path):
     _, x = bursts(channels=2)
     said = {"00:07": {"column": ["nSeq", "EMG_VL", "EMG_TA"], "sampling rate": 1000, "units": ["mV", "mV"]}}

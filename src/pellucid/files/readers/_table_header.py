@@ -114,6 +114,18 @@ def find_header(
     return header
 
 
+def counted_units(lines: Sequence[str]) -> dict[int, str]:
+    """Return the lines with a unit below a number of channels, by their places; empty without such a number.
+
+    Names and units stand there by turns, and a unit such as ``%`` is no comment.
+    """
+    for i, line in enumerate(lines):
+        if (match := _COUNT_OF_CHANNELS.fullmatch(line[:100])) is not None:
+            places = range(i + 2, min(i + 2 + 2 * int(match[1] or match[2]), len(lines)), 2)
+            return {at: lines[at] for at in places if unit_from_text(lines[at].strip()[:20]) is not None}
+    return {}
+
+
 def stated_rate(lines: Sequence[str]) -> dict[str, str]:
     """Return the sampling period or rate that a line states without a label, as ``2 msec/sample`` or ``500 Hz``."""
     for line in lines:

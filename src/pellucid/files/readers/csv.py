@@ -52,7 +52,7 @@ from ._number_blocks import (
     text_of,
 )
 from ._row_streams import MAX_LABELS, ListCell, Words, parse_list, split_streams
-from ._table_header import INDEX_NAME, TableHeader, find_header, folded_key, stated_rate
+from ._table_header import INDEX_NAME, TableHeader, counted_units, find_header, folded_key, stated_rate
 from ._wall_clock import is_stamp, stamp_seconds
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc")
@@ -381,7 +381,9 @@ def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> 
         texts = text_of(block).splitlines()
         found = data_lines(texts, read)
         if len(found) < len(texts):
-            comments += filter(is_comment, texts)
+            units = counted_units(texts) if read == 0 else {}
+            comments += [line for i, line in enumerate(texts) if i not in units and is_comment(line)]
+            found = sorted({*found, *((i + 1, text) for i, text in units.items())})
         lines += found
         read += len(texts)
         if len(lines) >= MAX_HEADER_LINES:
