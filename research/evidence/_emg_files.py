@@ -224,8 +224,8 @@ CHECK_KINDS = {kind: name for name, (_, kind, _) in FINDING_FAULTS.items()} | {
 """Kinds of faults of `check`, with the kind of the finding behind each."""
 
 
-EXCLUDED_WORDS = {"missing samples": "dropout", "clipped": "saturation", "time step": "clock", "gap": "clock"}
-"""Words of the fault that excludes a whole recording, with the kind of the finding behind it."""
+EXCLUDED_WORDS = {"time step": "clock", "gap": "clock"}
+"""Words of the fault that excludes a recording for its clock, with the kind of the finding behind it."""
 
 
 def _checked(

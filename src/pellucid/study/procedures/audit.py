@@ -327,7 +327,7 @@ def _verdicts(files: Sequence[AuditedFile]) -> list[ChannelVerdict]:
         for channel in file.log.channels:
             quantity = channel.quantity
             role = f", {quantity.role}" if quantity.role else ""
-            unit = f" [{unit_text(quantity.unit)}]" if quantity.unit else ""
+            unit = f" [{unit_text(quantity.unit) or quantity.unit}]" if quantity.unit else ""
             kind = "time" if channel.name == clock else quantity.kind
             holds.setdefault(channel.name, f"{kind}{role}{unit}" if kind else "")
     clocks = {f.log.time or "time" for f in files if f.log}
