@@ -7,8 +7,8 @@ from pellucid.study.answer import Step, unanswered_message
 
 
 def test_a_condition_of_which_nobody_can_say_gives_its_reason_alone(monkeypatch):
-    """It ended in "cannot say: speed: cannot say. The interval is too wide."."""
-    said = {"speed": "cannot say", "full_accuracy": "not transparent"}
+    """It ended in "cannot say: speed: cannot say (post hoc). The interval is too wide."."""
+    said = {"speed": "cannot say (post hoc)", "full_accuracy": "not transparent"}
     certified = [
         SimpleNamespace(
             condition=name,
@@ -17,12 +17,11 @@ def test_a_condition_of_which_nobody_can_say_gives_its_reason_alone(monkeypatch)
         )
         for name, verdict in said.items()
     ]
-    sentences = [f"{name}: {verdict}. The interval is too wide." for name, verdict in said.items()]
-    monkeypatch.setattr(assessment_answer, "certificate_sentences", lambda found: sentences)
+    monkeypatch.setattr(assessment_answer, "certificate_reasons", lambda found: ["The interval is too wide."] * 2)
     monkeypatch.setattr(assessment_answer, "_recording_step", lambda each: Step("Record more movements"))
     for part, made in {"_changes_text": "", "_numbers": (), "_basis": None}.items():
         monkeypatch.setattr(assessment_answer, part, lambda found, made=made: made)
     answer = assessment_answer.certificate_answer(SimpleNamespace(certified=certified))
     assert answer.verdict == "cannot say"
-    assert answer.said.strip() == "speed: cannot say; full accuracy: not transparent."
+    assert answer.said.strip() == "speed: cannot say (post hoc); full accuracy: not transparent."
     assert unanswered_message([answer]) == "cannot say: speed: The interval is too wide."

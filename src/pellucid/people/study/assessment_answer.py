@@ -9,12 +9,12 @@ import numpy as np
 from ...study.answer import Answer, AnswerNumber, AnswerPart, AnswerVerdict, Basis, Step
 from ...study.pages.quantities import MINUS_SIGN
 from ...study.pages.values import Value
-from ..certificate import CANNOT_SAY, FAIL, PASS
+from ..certificate import FAIL, PASS
 from ..equivalence import BEYOND_MARGIN
 from ..indices import leading_index
 from ..power import CERTIFICATE_SIZES, MIN_FORECAST_PEOPLE
 from ..share_of_people import MIN_PEOPLE
-from .certified_rows import certificate_sentences, loss_remedy
+from .certified_rows import certificate_reasons, loss_remedy
 from .primary_change import PrimaryChange, primary_change
 from .statements import headline, lowered
 
@@ -33,8 +33,8 @@ def assessment_answer(found: AssessmentResult) -> Answer:
 def certificate_answer(found: AssessmentResult) -> Answer:
     """Return whether a condition is shown to be transparent, with what to record where nobody can say."""
     parts = [
-        AnswerPart(each.condition, CERTIFICATE_VERDICTS.get(each.certificate.verdict, "cannot say"), sentence)
-        for each, sentence in zip(found.certified, certificate_sentences(found), strict=True)
+        AnswerPart(each.condition, CERTIFICATE_VERDICTS.get(each.certificate.verdict, "cannot say"), reason)
+        for each, reason in zip(found.certified, certificate_reasons(found), strict=True)
     ]
     said = {part.verdict for part in parts}
     # One transparent condition is enough; all must be shown to be none for "no".
@@ -43,9 +43,8 @@ def certificate_answer(found: AssessmentResult) -> Answer:
     is_post_hoc = any(each.certificate.post_hoc for each in found.certified)
     if is_post_hoc:
         question += " Post hoc: this is not the registered analysis."
-    reason = "" if verdict == "yes" else "; ".join(
-        part.reason.replace(f": {CANNOT_SAY}. ", ": ", 1) for part in parts if part.verdict == verdict
-    )
+    against = [part for part in parts if part.verdict == verdict != "yes"]
+    reason = "; ".join(f"{part.name}: {part.reason}" for part in against)
     steps = [_recording_step(each) for each in found.certified if each.certificate.verdict not in (PASS, FAIL)]
     stated = "; ".join(f"{one.condition.replace('_', ' ')}: {one.certificate.statement}" for one in found.certified)
     beyond = "".join(f"{_beyond_text(each)} " for each in found.certified if each.certificate.verdict == FAIL)

@@ -170,8 +170,16 @@ def _nearest_text(each: Certified) -> str:
 
 
 def certificate_sentences(found: AssessmentResult) -> tuple[str, ...]:
-    """Return a sentence on each condition."""
-    return tuple(map(_sentence, found.certified))
+    """Return the verdict on each condition, and its reason."""
+    return tuple(
+        f"{each.condition}: {each.certificate.statement}. {reason}"
+        for each, reason in zip(found.certified, certificate_reasons(found), strict=True)
+    )
+
+
+def certificate_reasons(found: AssessmentResult) -> tuple[str, ...]:
+    """Return the reason of the verdict on each condition, without the verdict."""
+    return tuple(map(_reason, found.certified))
 
 
 def certificate_remarks(found: AssessmentResult) -> tuple[str, ...]:
@@ -184,7 +192,7 @@ def certificate_remarks(found: AssessmentResult) -> tuple[str, ...]:
     return tuple(dict.fromkeys(remarks))
 
 
-def _sentence(each: Certified) -> str:
+def _reason(each: Certified) -> str:
     own, verdict = each.certificate, each.certificate.verdict
     words = {n: point.index.short for n, point in each.end_points.items()}
     words |= {name: name for name in each.certificate.curves}
@@ -192,19 +200,15 @@ def _sentence(each: Certified) -> str:
         whole = "The end point lies within its margin" if len(words) == 1 else (
             f"All {len(words)} end points lie within their margins"
         )
-        return (
-            f"{each.condition}: {each.certificate.statement}. {whole}"
-            f"{_nearest_text(each)}. "
-            f"{_what_was_tested(each)} {_people_sentence(each)}"
-        )
+        return f"{whole}{_nearest_text(each)}. {_what_was_tested(each)} {_people_sentence(each)}"
     by = {word: [words[n] for n in words if each.certificate.said_of(n) == word]
           for word in (WITHIN_MARGIN, UNDECIDED, BEYOND_MARGIN)}  # fmt: skip
     if verdict == FAIL:
         beyond = [f"{words[n]}{own.far_note(n)}" for n in words if own.said_of(n) == BEYOND_MARGIN]
-        return f"{each.condition}: {own.statement}. Beyond the margin: {', '.join(beyond)}." + (
+        return f"Beyond the margin: {', '.join(beyond)}." + (
             f" Within: {', '.join(by[WITHIN_MARGIN])}." if by[WITHIN_MARGIN] else ""
         )
-    return f"{each.condition}: {each.certificate.statement}. {_why_undecided(each, words, by[UNDECIDED])}"
+    return _why_undecided(each, words, by[UNDECIDED])
 
 
 def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[str]) -> str:
