@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from pellucid._errors import IdentificationError
+from pellucid._errors import IdentificationError, PellucidError
+from pellucid.controllers.export.export import export
 from pellucid.models.parameter_card import read_parameter_card
 from pellucid.orthosis.transfer_function import TransferFunction
+from pellucid.study.procedures.compare import compare
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, identify
 from pellucid.study.procedures.run import report as write_report
@@ -89,3 +91,16 @@ def test_a_study_without_a_recording_that_fits_is_refused(tmp_path):
     frozen[:, 1] = 0.0
     with pytest.raises(IdentificationError, match="no recording can be fitted"):
         identify(study_of(tmp_path / "s", {"frozen": ("fit", frozen)}))
+
+
+def test_a_comparison_does_not_advise_a_command_that_makes_no_card_to_compare(tmp_path):
+    """It said "make it with: pellucid identify", also after that command."""
+    study = study_of(tmp_path / "s", {"a": ("fit", table(0))})
+    with pytest.raises(PellucidError, match="study of transfer function, expected one that identifies a joint") as told:
+        compare(study.folder, study.folder)
+    assert "pellucid identify" not in str(told.value)
+    study.models_dir.mkdir()
+    (study.models_dir / "transfer_function.a.json").write_text("{}")
+    with pytest.raises(PellucidError, match="no such model card; found transfer_function.a.json") as told:
+        export(study)
+    assert "pellucid identify" not in str(told.value)

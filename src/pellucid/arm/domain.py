@@ -16,5 +16,6 @@ PROCEDURE_ENTRIES = (
         find_notes="tree_faults:even_sampling_notes",
         leaves_out=False,
         uses_limits=True,
+        makes_joint_cards=True,
     ),
 )

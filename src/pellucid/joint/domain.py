@@ -15,6 +15,7 @@ PROCEDURE_ENTRIES = (
         find_notes="procedure:notes",
         leaves_out=False,
         takes_families=True,
+        makes_joint_cards=True,
     ),
     ProcedureEntry(
         package=f"{__package__}.study",
@@ -29,6 +30,7 @@ PROCEDURE_ENTRIES = (
         leaves_out=False,
         takes_families=True,
         takes_each_joint=True,
+        makes_joint_cards=True,
     ),
     ProcedureEntry(
         package=f"{__package__}.slider.study",
@@ -40,5 +42,6 @@ PROCEDURE_ENTRIES = (
         draw="slider_page:page",
         is_asked="..study.procedure:is_slider_asked",
         leaves_out=False,
+        makes_joint_cards=True,
     ),
 )

@@ -20,6 +20,9 @@ from .joint import FAMILIES, SYMBOLS_BY_NAME, JointModel
 CARD_FORMAT = 1
 """Version of the card's layout; a reader refuses a newer one."""
 
+MAX_NAMED_CARDS = 4
+"""Largest number of other cards that the message about a missing card names."""
+
 EFFORT_UNITS: Mapping[str, tuple[str, ...]] = {"rotary": ("N*m", "A", "V"), "prismatic": ("N", "A", "V")}
 """Units that an effort may have, by motion."""
 
@@ -200,7 +203,14 @@ def read_table(path: Path) -> dict:
     except FileNotFoundError:
         # A card lies in the folder models of its study.
         command = printed_command("identify", path.parent.parent if path.parent.name == "models" else path.parent)
-        raise PellucidError(f"{path}: no such model card; make it with: {command}") from None
+        others = sorted(each.name for each in path.parent.glob("*.json"))
+        if not others:
+            raise PellucidError(f"{path}: no such model card; make it with: {command}") from None
+        more = f" and {len(others) - MAX_NAMED_CARDS} more" if len(others) > MAX_NAMED_CARDS else ""
+        named = ", ".join(others[:MAX_NAMED_CARDS])
+        raise PellucidError(
+            f"{path}: no such model card; found {named}{more}, expected a study.toml that asks `identify` for it"
+        ) from None
     except (ValueError, RecursionError) as error:
         if isinstance(error, PellucidError):
             raise

@@ -20,7 +20,7 @@ from ...numerics.block_test import holm
 from ..answer import Answer, AnswerNumber, AnswerPart, AnswerVerdict, Basis, Step, begun
 from ..study import STUDY_FILE, Study
 from .card_sources import require_fresh
-from .registry import open_study
+from .registry import asked, open_study
 
 DETECTABLE_STANDARD_ERRORS = 2.8
 """Size of a detectable change in standard errors. It is found in 80 % of comparisons at the 5 % level."""
@@ -176,10 +176,23 @@ def _study_of(path: Path, allow_outside: bool, accept_stale: bool) -> Study | No
 
 def _fresh_card(path: Path, family: str | None, study: Study | None) -> Card | TreeCard:
     """Return the card of a study, if the study still is what it was made from, or the card of that path."""
+    if study is not None:
+        _require_joint_cards(path, study)
     card = _card(path, family)
     if study is None or not (path / STUDY_FILE).is_file():
         return card
     return require_fresh(study, path / "models", card)
+
+
+def _require_joint_cards(path: Path, study: Study) -> None:
+    """Raise a PellucidError if a study identifies no joint, so that no command makes a card to compare."""
+    procedures = asked(study)
+    if (path / STUDY_FILE).is_file() and not any(procedure.makes_joint_cards for procedure in procedures):
+        names = ", ".join(procedure.name.replace("_", " ") for procedure in procedures)
+        raise PellucidError(
+            f"{path}: found a study of {names}, expected one that identifies a joint or a robot: `compare` compares "
+            f"their parameters. Pages of both studies show the figures side by side: {printed_command('report', path)}"
+        )
 
 
 def _basis(studies: Sequence[Study | None]) -> Basis:

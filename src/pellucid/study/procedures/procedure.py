@@ -99,6 +99,7 @@ class Procedure(ABC, Generic[Table, Found]):
     # Whether its cards hold the limits of joints. For other procedures the limits belong to a controller, and may be
     # set after an identification.
     uses_limits: bool = False
+    makes_joint_cards: bool = False  # Whether its cards hold parameters of joints, which `compare` takes
 
     def asked(self, study: Study) -> bool:
         """Return whether a study asks for this procedure."""
@@ -203,6 +204,7 @@ class ProcedureEntry(Procedure[Any, Any]):
     takes_families: bool = False
     takes_each_joint: bool = False
     uses_limits: bool = False
+    makes_joint_cards: bool = False
 
     @property
     def table(self) -> Any:
