@@ -78,9 +78,6 @@ emg_app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
 
-MAX_NAMED_CHANNELS = 6
-"""Largest number of channels that the last line of `check` names; the warnings above it name all."""
-
 MAX_TERMS_LENGTH = 16
 """Largest number of characters of a data set's terms in a list of one line for each."""
 
@@ -189,7 +186,7 @@ def _init_from(folder: Path, files: list[Path], others: dict[str, Any], *, yes: 
     *lines, last = proposal_lines(made)
     print_lines(out, lines, MAX_PROPOSAL_LINES, "further line")
     print_line(out, last)
-    _print_check(_opened(folder, None, False), folder, made.faults, MAX_PROPOSAL_CHECK_LINES)
+    _print_check(_opened(folder, None, False), made.faults, MAX_PROPOSAL_CHECK_LINES)
 
 
 def _answers_of(command: str, given: Sequence[str]) -> dict[str, str]:
@@ -245,42 +242,42 @@ def check(folder: Folder, json: Json = False, allow_outside: Outside = False) ->
     with show_progress() as tell:
         faults = run(study, on_progress=tell)
     if json:
-        _print_faults(faults)
-        return
-    _print_check(study, folder, faults, MAX_ITEM_LINES_UNLESS_VERBOSE)
+        _print_faults(study, faults)
+    else:
+        _print_check(study, faults, MAX_ITEM_LINES_UNLESS_VERBOSE)
 
 
-def _print_check(study: Study, folder: Path, faults: Sequence[Fault], max_lines: int) -> None:
-    """Print what was found in a study in at most `max_lines` lines unless ``-v`` asks for all."""
+def _print_check(study: Study, faults: Sequence[Fault], max_lines: int) -> None:
+    """Print whether a study's recordings can be used, and what was found in at most `max_lines` lines unless ``-v``
+    asks for all; exit with status 1 if they cannot, as the command that uses them would."""
     from .files.fault import grouped_messages
-    from .study.procedures.registry import asked
+    from .study.procedures.check_answer import check_answer
 
-    out = make_console()
-    refused = [f for f in faults if f.severity == "refuse"]
-    warned = [f for f in faults if f.severity == "warn"]
-    others = [f for f in faults if f.severity not in ("warn", "refuse")]
-    warnings = [("warning", text) for text in [*grouped_messages(refused), *grouped_messages(warned)]]
-    print_items(out, [*warnings, *(("note", text) for text in grouped_messages(others))], max_lines)
-    if refused:
-        print_line(out, f"Not fit to identify from: {count_of(len(refused), 'fault')}.")
+    out, answer = make_console(), check_answer(study, faults)
+    print_answer(out, answer)
+    kinds = [("refuse", "warning"), ("warn", "warning")]
+    items = [(mark, text) for kind, mark in kinds for text in grouped_messages(_of_severity(faults, kind))]
+    others = [fault for fault in faults if fault.severity not in dict(kinds)]
+    print_items(out, [*items, *(("note", text) for text in grouped_messages(others))], max_lines)
+    if answer.verdict == "no":
+        print_steps(out, answer)
         raise typer.Exit(1)
-    command = asked(study)[0].command
-    following = printed_command(typed_command(command), folder)
-    if warned:
-        where = list(dict.fromkeys(f"{f.channel} of {f.file}" for f in warned))
-        more = f" and {len(where) - MAX_NAMED_CHANNELS} more" if len(where) > MAX_NAMED_CHANNELS else ""
-        named = f"{', '.join(where[:MAX_NAMED_CHANNELS])}{more}"
-        print_line(out, f"Fit to {command} from, but see the warnings: {named}. Next: {following}")
-        return
-    print_line(out, f"Fit to {command} from. Next: {following}")
+    print_line(out, f"Next: {answer.next_command}")
 
 
-def _print_faults(faults: Sequence[Fault]) -> None:
-    """Print faults as JSON; exit with status 1 if one refuses a recording."""
+def _of_severity(faults: Sequence[Fault], severity: str) -> list[Fault]:
+    return [fault for fault in faults if fault.severity == severity]
+
+
+def _print_faults(study: Study, faults: Sequence[Fault]) -> None:
+    """Print the answer and the faults as JSON; exit with status 1 if the recordings cannot be used."""
     from dataclasses import asdict
 
-    _echo_json({"faults": [asdict(fault) for fault in faults]})
-    if any(fault.severity == "refuse" for fault in faults):
+    from .study.procedures.check_answer import check_answer
+
+    answer = check_answer(study, faults)
+    _echo_json({"answer": answer.table(), "faults": [asdict(fault) for fault in faults]})
+    if answer.verdict == "no":
         raise typer.Exit(1)
 
 
@@ -538,22 +535,25 @@ def report(
 ) -> None:  # fmt: skip
     """Write the report: one HTML page, and its figures as SVG.
 
-    It draws what other commands have found and kept, and says how to make what is missing.
+    It draws and prints what other commands have found and kept, and says how to make what is missing.
     """
     from .study.drawn_report import ReportPlace
 
     place = ReportPlace(folder, out=out, allow_outside=allow_outside)
-    page = None if accept_stale else place.drawn_page(with_pdf=with_pdf)
-    if page is None:
-        from .study.procedures.run import report as run
+    lines, is_elsewhere = () if accept_stale else place.drawn_lines(with_pdf=with_pdf), False
+    if not lines:
+        from .study.procedures.run import write_report as run
 
         study = _opened(folder, out, allow_outside, accept_stale)
         with show_progress() as tell:
-            page = run(study, only_kept=True, on_progress=tell, with_pdf=with_pdf)
+            made = run(study, only_kept=True, on_progress=tell, with_pdf=with_pdf)
+        lines, is_elsewhere = made.lines, made.page.parent != place.report_dir
         if not accept_stale:
-            place.note_drawn(page, study.files(), with_pdf=with_pdf)
-    print_line(make_console(), f"Report: {page}")
-    if page.parent != place.report_dir:
+            place.note_drawn(made.page, lines, study.files(), with_pdf=with_pdf)
+    console = make_console()
+    for line in lines:
+        print_line(console, line)
+    if is_elsewhere:
         exit_with_message(f"{place.report_dir} could not be written; the report is elsewhere", 1)
 
 
@@ -563,12 +563,15 @@ def paper(folder: Folder, out: Out = None, allow_outside: Outside = False, accep
 
     The text is a methods paragraph with its references.
     """
-    from .people.study.paper import write_paper
+    from .people.study.paper import write_paper_of
 
     study = _opened(folder, out, allow_outside, accept_stale)
     with show_progress() as tell:
-        made = write_paper(study, on_progress=tell)
-    print_line(make_console(), f"For a paper: {made}; main.tex shows how the parts are used")
+        made, results = write_paper_of(study, on_progress=tell)
+    console = make_console()
+    for result in results:
+        print_answer(console, result.answer)
+    print_line(console, f"For a paper: {made}; main.tex shows how the parts are used")
 
 
 @app.command(rich_help_panel=IDENTIFY_GROUP, epilog=example("pellucid compare in-spring in-autumn"))
@@ -800,7 +803,7 @@ def audit(
     ),
     json: Json = False,
 ) -> None:
-    """Judge each channel of any log; status 1 if one is unsound."""
+    """Judge each channel of any log."""
     from .study.procedures.audit import audit as run
     from .study.procedures.audit_page import write_audit_page
 
@@ -820,7 +823,7 @@ def emg_quality(
     ),
     json: Json = False,
 ) -> None:
-    """Judge each channel of EMG; status 1 if one is unsound."""
+    """Judge each channel of EMG."""
     from .emg.study.emg_files import audit_emg
     from .study.procedures.audit_page import write_audit_page
 
@@ -830,7 +833,7 @@ def emg_quality(
 def _show_audit(
     run: Callable[[Callable], Audit], write_page: Callable[[Audit, Path], Path], out: Path, json: bool
 ) -> None:
-    """Run an audit, write its page and print it; end with status 1 if a channel is unsound."""
+    """Run an audit, write its page and print it."""
     from .study.pages.quantities import typeset_quantities
 
     with show_progress() as tell:
@@ -851,8 +854,7 @@ def _show_audit(
         print_items(console, [*unread, *sorted(said, key=lambda item: item[0] == "note")], 18)
         print_steps(console, found.answer, 8)
         print_line(console, f"Page: {page}")
-    if not found.is_sound:
-        raise typer.Exit(1)
+    exit_unless_answered([found.answer])
 
 
 @app.command(

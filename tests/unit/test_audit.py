@@ -133,7 +133,7 @@ def test_personal_fields_are_named_and_not_repeated(tmp_path):
     assert "Doe" not in write_audit_page(found, tmp_path / "page").read_text(encoding="utf-8")
 
 
-def test_the_command_says_it_and_ends_with_status_1(tmp_path, monkeypatch):
+def test_the_command_says_it_and_ends_with_status_0_because_no_is_an_answer(tmp_path, monkeypatch):
     columns = clean_log()
     path = written(tmp_path, columns)
     monkeypatch.chdir(tmp_path)
@@ -144,9 +144,9 @@ def test_the_command_says_it_and_ends_with_status_1(tmp_path, monkeypatch):
     columns["torque_meas [N*m]"] *= 0.0
     path = written(tmp_path, columns)
     done = CliRunner().invoke(app, ["audit", str(path), "--json", "--out", str(tmp_path / "page")])
-    assert done.exit_code == 1
+    assert done.exit_code == 0, done.output
     table = json.loads(done.stdout)
-    assert not table["sound"]
+    assert (table["answer"]["verdict"], table["sound"]) == ("no", False)
     assert {v["channel"]: v["verdict"] for v in table["verdicts"]}["torque_meas [N*m]"] == "dead"
 
 

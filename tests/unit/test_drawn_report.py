@@ -28,24 +28,24 @@ def reported(tmp_path_factory):
 def folder(reported, tmp_path):
     """A copy, noted as drawn there: a page names its folder in commands, so that a copied page alone is drawn again."""
     copy = shutil.copytree(reported, tmp_path / "study")
-    assert page_of(copy) is None
-    ReportPlace(copy).note_drawn(copy / "report" / "index.html", open_study(copy).files(), with_pdf=False)
+    assert told_of(copy) == ()
+    ReportPlace(copy).note_drawn(copy / "report" / "index.html", ["Report"], open_study(copy).files(), with_pdf=False)
     return copy
 
 
-def page_of(folder):
-    return ReportPlace(folder).drawn_page(with_pdf=False)
+def told_of(folder):
+    return ReportPlace(folder).drawn_lines(with_pdf=False)
 
 
 def test_nothing_changed_and_the_page_is_not_drawn_again(folder, monkeypatch):
     page = folder / "report" / "index.html"
     before = page.read_bytes()
-    assert page_of(folder) == page
+    assert told_of(folder) == ("Report",)
     monkeypatch.setattr("pellucid.study.procedures.run.report", None)  # whoever called it would fail
     monkeypatch.setattr("pellucid.study.procedures.registry.open_study", None)
     done = CliRunner().invoke(app, ["report", str(folder)])
     assert done.exit_code == 0, done.output
-    assert "Report:" in done.output
+    assert done.output == "Report\n"
     assert page.read_bytes() == before
 
 
@@ -86,11 +86,11 @@ def damaged_note(folder):
 )
 def test_whatever_changed_it_is_drawn_again(folder, change):
     change(folder)
-    assert page_of(folder) is None
+    assert told_of(folder) == ()
 
 
 def test_figures_as_pdf_are_drawn_when_they_are_asked_for(folder):
-    assert ReportPlace(folder).drawn_page(with_pdf=True) is None
+    assert ReportPlace(folder).drawn_lines(with_pdf=True) == ()
 
 
 def test_with_a_recording_elsewhere_it_is_always_drawn(folder, tmp_path):
@@ -98,10 +98,10 @@ def test_with_a_recording_elsewhere_it_is_always_drawn(folder, tmp_path):
     elsewhere = tmp_path / "elsewhere.csv"
     elsewhere.write_text("t", encoding="utf-8")
     place = ReportPlace(folder, allow_outside=True)
-    place.note_drawn(folder / "report" / "index.html", [elsewhere], with_pdf=False)
-    assert place.drawn_page(with_pdf=False) is None
-    place.note_drawn(folder / "report" / "index.html", [], with_pdf=False)
-    assert place.drawn_page(with_pdf=False) is not None
+    place.note_drawn(folder / "report" / "index.html", ["Report"], [elsewhere], with_pdf=False)
+    assert place.drawn_lines(with_pdf=False) == ()
+    place.note_drawn(folder / "report" / "index.html", ["Report"], [], with_pdf=False)
+    assert place.drawn_lines(with_pdf=False)
 
 
 def test_kept_columns_are_told_by_their_own_ending():

@@ -135,9 +135,9 @@ def test_a_report_names_the_folder_as_it_is_given_now(tmp_path, monkeypatch):
     place, other = ReportPlace(study.folder), ReportPlace(Path("bench of ours"))
     page.parent.mkdir()
     page.write_text("drawn")
-    place.note_drawn(page, study.files(), with_pdf=False)
-    assert place.drawn_page(with_pdf=False) == page
-    assert other.drawn_page(with_pdf=False) is None
+    place.note_drawn(page, ["Report"], study.files(), with_pdf=False)
+    assert place.drawn_lines(with_pdf=False) == ("Report",)
+    assert other.drawn_lines(with_pdf=False) == ()
 
 
 def test_what_an_audit_s_page_prints_runs(tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from .._given import require_inside
+from .._given import require_inside, visible_text
 from .kept import code_fingerprint
 from .study_place import StudyPlace, checksum
 
@@ -37,8 +37,8 @@ class ReportPlace(StudyPlace):
         """File that says what the report was drawn from."""
         return self.place("kept") / "report.json"
 
-    def drawn_page(self, *, with_pdf: bool) -> Path | None:
-        """Return the page of the report if it was drawn from what is there now, and is whole; else None.
+    def drawn_lines(self, *, with_pdf: bool) -> tuple[str, ...]:
+        """Return the lines that told of the report if it was drawn from what is there now, and is whole; else none.
 
         Parameters
         ----------
@@ -52,14 +52,15 @@ class ReportPlace(StudyPlace):
                 require_inside(path, self.folder, False, "a recording")
             whole = all(checksum(self.report_dir / name) == digest for name, digest in told["files"].items())
             same = told["made_from"] == self._made_from(recordings, with_pdf)
+            lines = tuple(visible_text(line) for line in told["lines"])
         except (OSError, ValueError, LookupError, TypeError, AttributeError, PellucidError):
-            return None
-        return self.report_dir / PAGE_NAME if whole and same and PAGE_NAME in told["files"] else None
+            return ()
+        return lines if whole and same and PAGE_NAME in told["files"] else ()
 
-    def note_drawn(self, page: Path, recordings: Iterable[Path], *, with_pdf: bool) -> None:
+    def note_drawn(self, page: Path, lines: Iterable[str], recordings: Iterable[Path], *, with_pdf: bool) -> None:
         """Save the sources of a report and the checksums of its files with the study's results.
 
-        `recordings` are the files that study.toml names. If one lies outside the study's folder, or
+        `lines` tell of the report, and `recordings` are the files that study.toml names. If one lies outside the study's folder, or
         nothing can be written, the next report is drawn again, because new files elsewhere that match a pattern would
         not be detected.
         """
@@ -70,6 +71,7 @@ class ReportPlace(StudyPlace):
         told = {
             "made_from": self._made_from(named, with_pdf),
             "files": files,
+            "lines": list(lines),
             "recordings": [os.path.relpath(path, self.folder) for path in named],
         }
         with suppress(OSError):
@@ -81,8 +83,8 @@ class ReportPlace(StudyPlace):
         for folder in dict.fromkeys((self.folder.resolve(), self.made.resolve())):
             found |= {path.resolve() for path in folder.rglob("*") if self._is_drawn_from(path)}
         found |= {path for path in TEMPLATES.rglob("*") if path.suffix in (".j2", ".css", ".js")}
-        # The page names the folder as it was given, in commands to paste.
-        parts = [code_fingerprint(), str(with_pdf), str(self.folder)]
+        # Page and lines name the folders as they were given, in commands to paste.
+        parts = [code_fingerprint(), str(with_pdf), str(self.folder), str(self.report_dir)]
         # relpath also works for a file outside the study's folder.
         parts += sorted(f"{os.path.relpath(path, self.folder)} {checksum(path)}" for path in found)
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()

@@ -83,7 +83,12 @@ def write_paper(study: Study, *, on_progress: Callable[[str, float], None] | Non
     (PDF and SVG), ``tables/`` (LaTeX and CSV), ``methods.tex``, ``references.bib``, ``recordings.csv`` with a
     SHA-256 of every file, and ``main.tex``, a document of all of them.
     """
-    found = list(each_page(study, None, on_progress or quiet))
+    return write_paper_of(study, on_progress or quiet)[0]
+
+
+def write_paper_of(study: Study, on_progress: Callable[[str, float], None]) -> tuple[Path, list[Result]]:
+    """Write the parts of a paper as `write_paper` does; return the folder, and the results whose answers they state."""
+    found = list(each_page(study, None, on_progress))
     folder = study.place(PAPER_FOLDER)
     for part in ("figures", "tables"):
         (folder / part).mkdir(parents=True, exist_ok=True)
@@ -107,7 +112,7 @@ def write_paper(study: Study, *, on_progress: Callable[[str, float], None] | Non
     write_text_atomically(folder / "methods.tex", methods_text(study, results, recordings, keys))
     figures = [(drawing.name, drawing.caption) for drawing in drawings]
     write_text_atomically(folder / "main.tex", _main_text(study, figures, [*tables, "recordings"]))
-    return folder
+    return folder, results
 
 
 def paper_tables(results: Sequence[Result]) -> dict[str, FigureTable]:

@@ -23,7 +23,7 @@ from ...files.duplicates import find_duplicates
 from ...files.fault import Fault, grouped_messages
 from ...models.estimates import VERDICT_KINDS, Parameter, Verdict, rank_verdicts
 from ...numerics.arguments import with_checked_arguments, with_one_rate
-from ..answer import unanswered_message
+from ..answer import REPORT_COMMAND, Answer, answer_lines, unanswered_message
 from ..pages.quantities import unit_text, value_and_half_interval
 from ..results import read_rows
 from ..study import Study
@@ -526,25 +526,55 @@ def report(
     'index.html'
     """
     study = as_study(study, "report")
+    return write_report(study, result, only_kept=only_kept, with_pdf=with_pdf, on_progress=on_progress).page
+
+
+@dataclass(frozen=True)
+class WrittenReport:
+    """A report that was written: its page, the answers that it shows, and the commands of what it lacks."""
+
+    page: Path
+    answers: tuple[Answer, ...]
+    lacking: str = ""
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The answers, the place of the page and what to do next, in lines of text."""
+        commands = (step.command for answer in self.answers for step in answer.next if step.name != REPORT_COMMAND)
+        following = self.lacking or next(filter(None, commands), "")
+        said = [line for answer in self.answers for line in answer_lines(answer)]
+        lacks = [f"The page lacks analyses of study.toml; compute them with: {self.lacking}"] if self.lacking else []
+        return (*said, *lacks, f"Report: {self.page}", *([f"Next: {following}"] if following else []))
+
+
+def write_report(
+    study: Study,
+    result: Result | None = None,
+    *,
+    only_kept: bool = False,
+    with_pdf: bool = False,
+    on_progress: Progress | None = None,
+) -> WrittenReport:
+    """Write the report as `report` does, and return it with the answers that it shows."""
     from ..pages.page import write_page
 
     missing: list[str] = []
-    pages = [page for _, page in each_page(study, result, on_progress or quiet, missing if only_kept else None)]
+    made = list(each_page(study, result, on_progress or quiet, missing if only_kept else None))
     commands = typed_commands(dict.fromkeys(missing), study.folder)
-    if not pages:
+    if not made:
         raise PellucidError(f"{study.folder}: found no up-to-date results; compute them with: {commands}")
-    page = _one_page(pages)
+    page, answers = _one_page([page for _, page in made]), tuple(found.answer for found, _ in made)
     if missing:
         text = f"This page lacks some analyses of study.toml. Compute them with: {commands}"
         page = replace(page, verdicts=(("warning", text), *page.verdicts))
     try:
-        return write_page(Path(study.report_dir), page, with_pdf=with_pdf)
+        return WrittenReport(write_page(Path(study.report_dir), page, with_pdf=with_pdf), answers, commands)
     except OSError:
         # Computing it again may have taken minutes, so the report is written elsewhere if the folder is not writable.
         for parent in (Path.cwd(), Path(gettempdir()), Path.home()):
             with suppress(OSError):
                 elsewhere = Path(mkdtemp(prefix=f"pellucid-{study.name}-report-", dir=parent))
-                return write_page(elsewhere, page, with_pdf=with_pdf)
+                return WrittenReport(write_page(elsewhere, page, with_pdf=with_pdf), answers, commands)
         raise
 
 
