@@ -9,7 +9,6 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
@@ -26,7 +25,7 @@ from .study.procedures.command import (
     PEOPLE_GROUP,
     Command,
 )
-from .study.procedures.procedure import procedure_commands, typed_command
+from .study.procedures.procedure import procedure_commands
 from .study.terminal import (
     MAX_ITEM_LINES_UNLESS_VERBOSE,
     CommandGroup,
@@ -652,13 +651,9 @@ def export(
     ] = False,
 ) -> None:
     """Write the controller as C, a simulator's model, or muscles."""
-    from .controllers.export.actuator_folder import ACTUATOR_PROGRAMS, describe_actuators
-    from .controllers.export.controller_exporter import LAW_TARGETS
     from .controllers.export.export import export as run
-    from .controllers.export.export import warn_of_export
+    from .controllers.export.export_answer import export_answer, save_answer
     from .controllers.export.microcontroller import measure, missing_tools, save_measured
-    from .controllers.export.simulator_folder import SIMULATOR_FILES, describe_simulator_model
-    from .emg.study.subject import describe_muscles
 
     study = _opened(folder, None, allow_outside)
     in_c = to == "c"
@@ -675,33 +670,22 @@ def export(
             tell("running it on a Cortex-M4F in QEMU", 0.7)
         found = measure(made) if in_c and not absent else None
     console = make_console()
-    if to in SIMULATOR_FILES:
-        print_line(console, describe_simulator_model(made))
-        return
-    if to in ACTUATOR_PROGRAMS:
-        print_line(console, describe_actuators(made))
-        return
-    if to not in LAW_TARGETS:
-        print_line(console, f"{made}: {describe_muscles(made, to)}")
-        return
-    warning = warn_of_export(made)
-    if warning:
-        print_line(console, warning)
-    if describe := LAW_TARGETS[to].describe:
-        print_line(console, describe(made))
-        return
-    if found is None:
+    answer = export_answer(study, to, made, card=card, measured=found)
+    print_answer(console, answer)
+    if in_c and found is None:
         print_line(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")
-    else:
-        try:
-            save_measured(study, made, found, controller=controller)
-        except OSError as error:
-            print_line(console, f"Not noted in {study.results_path}: {error.strerror or error}.")
+    elif found is not None:
         print_line(console, f"On a Cortex-M4F in QEMU: {found.text}.")
-    if not (made / "test" / "vector_outputs.h").is_file():
-        print_line(console, f"{made}: read README.md there. Not compiled: that needs make, a C and a C++ compiler.")
-        return
-    print_line(console, f"{made}: read README.md there. Next: make -C {quote(str(made))} check")
+    try:
+        if found is not None:
+            save_measured(study, made, found, controller=controller)
+        save_answer(study, to, answer)
+    except (OSError, PellucidError) as error:
+        print_line(console, f"Not noted in {study.results_path}: {error}.")
+    if answer.next_command:
+        print_line(console, f"{made}: read README.md there. Next: {answer.next_command}")
+    else:
+        print_steps(console, answer)
 
 
 @app.command(rich_help_panel=DEPLOY_GROUP, epilog=example("pellucid commission my-elbow --log start*.csv"))

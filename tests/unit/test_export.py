@@ -22,8 +22,8 @@ from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.coupling import Coupling
 from pellucid.controllers.export.c_folder import check_on_host, read_constants, write_c_folder
 from pellucid.controllers.export.controller_values import ControllerValues, joint_values, protect_wearer
-from pellucid.controllers.export.export import warn_of_export
-from pellucid.controllers.export.microcontroller import measure, missing_tools
+from pellucid.controllers.export.export_answer import export_answer, save_answer
+from pellucid.controllers.export.microcontroller import OnCortexM4, measure, missing_tools
 from pellucid.controllers.export.replay_vector import SUPERVISOR_VARIANTS
 from pellucid.controllers.residual_compensator import design
 from pellucid.controllers.supervised import PROBE_ANSWER_ERROR, PROBE_ANSWER_NAMES, SUPERVISOR_NAMES
@@ -31,6 +31,7 @@ from pellucid.controllers.supervisor_faults import UNMEASURED_FAULTS, warn_of_un
 from pellucid.models.card import CardParameter, ModelCard, write_card
 from pellucid.models.slider_joint import SliderCard
 from pellucid.study.exporter import core_headers, needed_headers
+from pellucid.study.results import read_answers
 
 compiled = pytest.mark.skipif(
     not all(map(shutil.which, ("make", "cc", "c++", "nm"))), reason="make, cc, c++ or nm is not installed"
@@ -173,13 +174,42 @@ def test_an_export_that_cannot_see_its_drive_asks_it(study, unplayed):
     """By a probe, unless somebody says twice that it shall not; each fault that is then not found is named."""
     folder = pellucid.export(study)
     assert read_constants(folder)["probe_effort"] > 0.0
-    assert "the supervisor tests it with a probe" in warn_of_export(folder)
+    assert "the supervisor tests it with a probe" in export_answer(study, "c", folder).sentence
     said = r"neither measured nor probed, .* --unmeasured .* reversed polarity: detected"
     with pytest.raises(PellucidError, match=said):
         pellucid.export(study, probe=False)
     blind = pellucid.export(study, probe=False, unmeasured=True, overwrite=True)
     assert read_constants(blind)["probe_effort"] == 0.0
-    assert all(fault in warn_of_export(blind) for fault in UNMEASURED_FAULTS)
+    answer = export_answer(study, "c", blind)
+    assert answer.badge == "Yes (limited fault detection)"
+    assert all(fault in answer.sentence for fault in UNMEASURED_FAULTS)
+
+
+@pytest.mark.parametrize("to", ["c", "fmu", "ros2_control"])
+def test_each_form_of_a_law_says_what_it_protects_from(study, to, unplayed):
+    """A package for ros2_control said nothing of an unmeasured drive."""
+    answer = export_answer(study, to, pellucid.export(study, to))
+    assert answer.sentence == warn_of_unmeasured_drive(probes=True)
+    assert answer.basis is not None
+    assert answer.basis.counted == "model card"
+    assert answer.next
+
+
+def test_an_export_says_that_its_model_is_in_doubt(study, unplayed):
+    told = {"command": "identify", "verdict": "no", "reason": "the error on 2 held-out recordings is 40 %"}
+    study.results_path.write_text(json.dumps({"figures": [], "answers": [told]}), encoding="utf-8")
+    folder = pellucid.export(study)
+    answer = export_answer(study, "c", folder)
+    assert answer.sentence.endswith("The model is in doubt: the error on 2 held-out recordings is 40 %.")
+    save_answer(study, "c", answer)
+    save_answer(study, "c", answer)
+    assert [each["command"] for each in read_answers(study.results_path)] == ["identify", "export"]
+
+
+def test_a_controller_that_computes_otherwise_on_a_microcontroller_is_no_export(study, unplayed):
+    found = OnCortexM4(steps=100, wrong=3, instructions=2000.0, most=2500, code=10, constants=1, memory=9)
+    answer = export_answer(study, "c", pellucid.export(study), measured=found)
+    assert (answer.badge, answer.reason) == ("No", "3 of 100 steps on a Cortex-M4F differ from this machine's")
 
 
 def test_a_measured_drive_is_not_asked(study, unplayed):
@@ -189,7 +219,9 @@ def test_a_measured_drive_is_not_asked(study, unplayed):
     folder = pellucid.export(pellucid.open(study.folder))
     numbers = read_constants(folder)
     assert (numbers["probe_effort"], numbers["shaking_limit"]) == (0.0, math.inf)
-    assert warn_of_export(folder) == ""
+    answer = export_answer(study, "c", folder)
+    assert answer.badge == "Yes"
+    assert "compares the measured effort of the drive" in answer.sentence
 
 
 def test_a_clock_of_32_bits_may_turn_over(study, tmp_path):
@@ -614,17 +646,22 @@ def test_without_a_measured_drive_the_first_line_says_what_is_not_found(study, u
     readme = (folder / "README.md").read_text(encoding="utf-8")
     warning = warn_of_unmeasured_drive(probes=True)
     assert readme.splitlines()[2] == f"> **{warning}**"
-    assert warn_of_export(folder) == warning
+    assert export_answer(study, "c", folder).sentence == warning
     assert "| measurement of the drive's effort | no | assumed, a typical value |" in readme
     assert "The start-up test is not commissioned" in readme
     printed = CliRunner().invoke(app, ["export", str(study.folder)])
     assert printed.exit_code == 0
-    assert printed.stdout.split()[:5] == warning.split()[:5]
+    question, said, based_on, *_ = printed.stdout.splitlines()
+    assert question == "Can this controller be exported, and what does it protect from?"
+    assert said == f"Yes. {warning}"
+    assert based_on == "Based on 1 model card, measured."
+    (stored,) = json.loads(study.results_path.read_text(encoding="utf-8"))["answers"]
+    assert (stored["command"], stored["procedure"]) == ("export", "c")
+    assert (stored["verdict"], stored["said"]) == ("yes", warning)
     stated = '[rig.instruments]\nstart_up_answer = "14 mJ"\n[rig.instruments.drive_sensor]\noffset = "0.2 N*m"\n'
     path.write_text(path.read_text(encoding="utf-8").replace("[channels]", f"{stated}[channels]", 1), encoding="utf-8")
     folder = pellucid.export(pellucid.open(study.folder))
     readme = (folder / "README.md").read_text(encoding="utf-8")
-    assert warn_of_export(folder) == ""
     assert warning not in readme
     assert "| its offset | 0.2 N*m | from study.toml |" in readme
     assert "not commissioned" not in readme

@@ -101,6 +101,6 @@ def test_a_comparison_does_not_advise_a_command_that_makes_no_card_to_compare(tm
     assert "pellucid identify" not in str(told.value)
     study.models_dir.mkdir()
     (study.models_dir / "transfer_function.a.json").write_text("{}")
-    with pytest.raises(PellucidError, match="no such model card; found transfer_function.a.json") as told:
+    with pytest.raises(PellucidError, match=r"no such model card; found transfer_function\.a\.json") as told:
         export(study)
     assert "pellucid identify" not in str(told.value)

@@ -175,6 +175,17 @@ MEASURED_FAULTS_ENERGY_J = 0.07
 """Largest excess energy of these faults with a measurement of the drive [J]."""
 
 
+def describe_drive_watch(is_measured: bool, probes: bool) -> str:
+    """Return which faults of a drive the supervisor of one joint detects."""
+    if not is_measured:
+        return warn_of_unmeasured_drive(probes)
+    return (
+        "The supervisor compares the measured effort of the drive with its command. In simulation, it detected every "
+        f"reversed, stuck, dead or too strong drive within {MEASURED_FAULTS_FOUND_S:g} s; the largest excess energy "
+        f"delivered to the wearer was {MEASURED_FAULTS_ENERGY_J:g} J."
+    )
+
+
 def warn_of_unmeasured_drive(probes: bool) -> str:
     """Return the limits of fault detection without a drive measurement, with a probe or without one."""
     measured = (

@@ -60,9 +60,9 @@ class ReportPlace(StudyPlace):
     def note_drawn(self, page: Path, lines: Iterable[str], recordings: Iterable[Path], *, with_pdf: bool) -> None:
         """Save the sources of a report and the checksums of its files with the study's results.
 
-        `lines` tell of the report, and `recordings` are the files that study.toml names. If one lies outside the study's folder, or
-        nothing can be written, the next report is drawn again, because new files elsewhere that match a pattern would
-        not be detected.
+        `lines` tell of the report, and `recordings` are the files that study.toml names. If one lies outside the
+        study's folder, or nothing can be written, the next report is drawn again, because new files elsewhere that
+        match a pattern would not be detected.
         """
         if page.parent != self.report_dir:
             return

@@ -20,6 +20,7 @@ import numpy as np
 from .._atomic import remove_leftovers, write_text_atomically
 from .._domains import offered
 from .._errors import PellucidError
+from .answer import Answer, Step
 from .study import Study
 
 
@@ -52,6 +53,7 @@ class Exporter(ABC):
     order: ClassVar[int]  # Exporters are asked in this order; the first one that fits writes
     unused: ClassVar[tuple[str, ...]] = ()  # Options that the product does not have
     why_unused: ClassVar[str] = ""  # The reason, as an error message ends with it
+    question: ClassVar[str] = "Can this model be exported?"  # What its answer answers
 
     def fits(self, request: ExportRequest) -> bool:
         """Return whether a request with one of the `kinds` is for this product."""
@@ -71,6 +73,19 @@ class Exporter(ABC):
     @abstractmethod
     def export(self, request: ExportRequest) -> Path:
         """Write the product and return its folder or file."""
+
+    def describe(self, request: ExportRequest, place: Path) -> str:
+        """Return in a sentence what was written."""
+        return f"{request.to} is written to {place}"
+
+    def next_step(self, request: ExportRequest, place: Path) -> Step:
+        """Return what to do with what was written."""
+        return Step(f"Read {place / 'README.md'}" if place.is_dir() else f"Use {place}")
+
+    def make_answer(self, request: ExportRequest, place: Path) -> Answer:
+        """Return the answer of an export that was written to `place`."""
+        said, step = self.describe(request, place), self.next_step(request, place)
+        return Answer(self.question, "yes", said, next=(step,))
 
 
 def find_exporter(request: ExportRequest, kind: type = Exporter) -> Exporter:

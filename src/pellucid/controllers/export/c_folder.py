@@ -283,7 +283,7 @@ def require_own_folder(folder: Path, owner: Mapping[str, str], names: Iterable[s
     require_folder(folder, "a folder to write to")
     if overwrite:
         return
-    found = _owner_of(folder)
+    found = read_owner(folder)
     if found is None:
         there = sorted(name for name in {*names, OWNER_FILE} if (folder / name).exists())
         if there:
@@ -317,7 +317,7 @@ _WAY_OUT = "Name another place with --out, or replace this one: --overwrite (ove
 """Advice at the end of the message that an export does not write into a folder."""
 
 
-def _owner_of(folder: Path) -> dict[str, str] | None:
+def read_owner(folder: Path) -> dict[str, str] | None:
     """Return the owner that a folder states; None if it has no readable owner file."""
     try:
         return parse_owner(read_given(folder / OWNER_FILE, MAX_OWNER_BYTES))

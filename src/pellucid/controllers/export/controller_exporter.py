@@ -8,28 +8,32 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from shlex import quote
 from typing import ClassVar
 
 from ..._errors import PellucidError
-from ...study.exporter import HEADER_FOLDER, Exporter, ExportRequest
+from ...study.answer import Answer, Step
+from ...study.exporter import HEADER_FOLDER, OUTPUT_FILE, Exporter, ExportRequest
 from ...study.procedures.procedure import typed_commands
 from ...study.procedures.registry import asked
 from ...study.study import Study
 from ..joint_compensation import DEFAULT_PERIOD_S
 from ..study.rig_instruments import rig_instruments
+from ..supervisor_faults import describe_drive_watch
 from .c_folder import (
     INCIDENT_TEMPLATE_FOLDERS,
     TEMPLATE_FOLDERS,
     mark_own_folder,
+    read_constants,
     require_own_folder,
     template_path,
     write_c_folder,
 )
 from .controller_values import ControllerValues, joint_values, protect_wearer, tree_values
 from .elbow_values import elbow_values
-from .fmu import FMI_VERSIONS, describe_unit, require_own_file, write_fmu
+from .fmu import FMI_VERSIONS, describe_unit, read_unit_constants, require_own_file, write_fmu
 from .ros2_package import C_FOLDER, describe_package, package_name, package_paths, write_ros2_package
 from .tree_folder import write_tree_folder
 
@@ -43,6 +47,7 @@ class LawTarget:
 
     default_place: str  # in the study's folder
     write: Callable[[ExportRequest, ControllerValues, Path, dict[str, str]], Path]
+    read_constants: Callable[[Path], dict[str, float]]  # numbers of the law and the supervisor in what was written
     describe: Callable[[Path], str] | None = None  # None for C, which `pellucid export` measures
 
 
@@ -67,9 +72,11 @@ def _write_ros2(request: ExportRequest, law: ControllerValues, out: Path, owner:
 
 
 LAW_TARGETS: Mapping[str, LawTarget] = {
-    "c": LawTarget("controller", _write_c),
-    "fmu": LawTarget("controller.fmu", _write_fmu, describe_unit),
-    "ros2_control": LawTarget("ros2_control", _write_ros2, describe_package),
+    "c": LawTarget("controller", _write_c, read_constants),
+    "fmu": LawTarget("controller.fmu", _write_fmu, read_unit_constants, describe_unit),
+    "ros2_control": LawTarget(
+        "ros2_control", _write_ros2, lambda place: read_constants(place / C_FOLDER), describe_package
+    ),
 }
 """What a law of one joint can be written as, by the value of `to`."""
 
@@ -79,6 +86,7 @@ class ControllerExporter(Exporter):
 
     kinds: ClassVar[tuple[str, ...]] = tuple(LAW_TARGETS)
     written: ClassVar[tuple[str, ...]] = ("c",)  # those of them that this product can be written as
+    question: ClassVar[str] = "Can this controller be exported, and what does it protect from?"
 
     def place(self, request: ExportRequest) -> str:
         """Return how an error message names a request."""
@@ -97,6 +105,13 @@ class ControllerExporter(Exporter):
         if request.fmi is not None and request.to != "fmu":
             raise PellucidError(f'export of {request.study.name}: found fmi, expected none: it belongs to to = "fmu"')
         super().require_options(request)
+
+    def next_step(self, request: ExportRequest, place: Path) -> Step:
+        """Return what to do with what was written: compile it, where this machine could."""
+        text = f"Read {place / 'README.md'}"
+        if not (place / OUTPUT_FILE).is_file():
+            return Step(f"{text}. Not compiled: that needs make, a C and a C++ compiler")
+        return Step(f"{text}, then compile and test it", line=f"make -C {quote(str(place))} check")
 
     def folder(self, request: ExportRequest) -> Path:
         """Return the folder to write to."""
@@ -127,6 +142,19 @@ class LawExporter(ControllerExporter):
                 f"export of {study.name}: found no [rig.drive], expected the study of a joint or of an orthosis; "
                 f"for this one there is: {typed_commands(others, study.folder)}"
             )
+
+    def make_answer(self, request: ExportRequest, place: Path) -> Answer:
+        """Return the answer, with what the supervisor of the written law detects of a drive's faults."""
+        numbers = LAW_TARGETS[request.to].read_constants(place)
+        is_measured, probes = numbers["drive_expected"] == 1.0, numbers["probe_effort"] > 0.0
+        said = describe_drive_watch(is_measured, probes)
+        qualifier = "" if is_measured or probes else "limited fault detection"
+        return replace(super().make_answer(request, place), said=said, qualifier=qualifier)
+
+    def next_step(self, request: ExportRequest, place: Path) -> Step:
+        """Return what to do with what was written; the file of a unit holds its README."""
+        describe = LAW_TARGETS[request.to].describe
+        return super().next_step(request, place) if describe is None else Step(describe(place))
 
     def export(self, request: ExportRequest) -> Path:
         """Write the law as what the request asks for."""
@@ -207,6 +235,19 @@ class ArmExporter(ControllerExporter):
     def fits(self, request: ExportRequest) -> bool:
         """Return whether the study is of a robot of several joints."""
         return request.study.has_table("tree")
+
+    def describe(self, request: ExportRequest, place: Path) -> str:
+        """Return of which drives the supervisor compares effort and command."""
+        joints = request.study.rig.joints
+        lacking = [joint.name for joint in joints if not rig_instruments(joint).drive]
+        said = f"The supervisor watches {len(joints)} joints"
+        if not lacking:
+            return f"{said}, and compares the measured effort of each drive with its command"
+        which = "No drive is" if len(lacking) == len(joints) else f"The drives of {', '.join(lacking)} are not"
+        return (
+            f"{said}. {which} measured: it detects a dead, stuck, reversed or too strong drive only by the motion that "
+            "the drive causes"
+        )
 
     def export(self, request: ExportRequest) -> Path:
         """Write the folder of the controller."""

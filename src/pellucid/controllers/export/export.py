@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ..._errors import PellucidError
 from ...models.cards import LibraryCard
 from ...numerics.arguments import with_checked_arguments
 from ...study.exporter import ExportRequest, find_exporter
 from ...study.procedures.registry import as_study
 from ...study.study import Study
-from ..supervisor_faults import warn_of_unmeasured_drive
-from .c_folder import read_constants
 from .controller_exporter import LawExporter
 from .controller_values import ControllerValues
-from .fmu import read_unit_constants
 from .simulator_folder import export_library_card
 
 
@@ -125,18 +121,6 @@ def export(
         allow_outside=allow_outside, overwrite=overwrite,
     )  # fmt: skip
     return find_exporter(request).export(request)
-
-
-def warn_of_export(place: Path) -> str:
-    """Return what the supervisor in an exported folder or unit finds without a measurement of the drive, and what not.
-
-    The text is empty if the drive is measured, and for an export without the supervisor of one joint.
-    """
-    try:
-        numbers = read_unit_constants(place) if place.is_file() else read_constants(place)
-    except PellucidError:
-        return ""
-    return "" if numbers["drive_expected"] == 1.0 else warn_of_unmeasured_drive(numbers["probe_effort"] > 0.0)
 
 
 def values_for(study: Study, **options: object) -> ControllerValues:

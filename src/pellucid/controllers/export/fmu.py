@@ -348,8 +348,12 @@ def require_own_file(out: Path, owner: Mapping[str, str], *, overwrite: bool) ->
         raise PellucidError(f"{out}: found a folder, expected a file to write")
     if overwrite or not out.exists():
         return
-    text = read_inside(out, f"resources/{OWNER_FILE}", MAX_OWNER_BYTES)
-    refuse_other_owner(out, parse_owner(text), owner)
+    refuse_other_owner(out, read_unit_owner(out), owner)
+
+
+def read_unit_owner(unit: Path) -> dict[str, str] | None:
+    """Return the owner that an exported unit states; None if it states none."""
+    return parse_owner(read_inside(unit, f"resources/{OWNER_FILE}", MAX_OWNER_BYTES))
 
 
 def read_inside(unit: Path, name: str, most: int = MAX_CONSTANTS_BYTES) -> bytes:

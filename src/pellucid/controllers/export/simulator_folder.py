@@ -16,7 +16,7 @@ from ...study.exporter import Exporter, ExportRequest
 from ...study.procedures.card_sources import require_fresh
 from ...study.study import Study
 from ...study.study_file import JointLimits
-from .actuator_folder import ACTUATOR_PROGRAMS, ACTUATORS_FILE, actuators_of, write_actuators
+from .actuator_folder import ACTUATOR_PROGRAMS, ACTUATORS_FILE, actuators_of, describe_actuators, write_actuators
 from .c_folder import mark_own_folder, require_own_folder
 from .simulator_model import (
     SimulatorModel,
@@ -139,6 +139,10 @@ class SimulatorExporter(Exporter):
         "slider", "participant", "controller", "exponents", "load", "held", "period", "probe", "unmeasured", "fmi",
     )  # fmt: skip
     why_unused: ClassVar[str] = "a model for simulators has none"
+
+    def describe(self, request: ExportRequest, place: Path) -> str:
+        """Return in a sentence what was written."""
+        return describe_simulator_model(place) if request.to in SIMULATOR_FILES else describe_actuators(place)
 
     def export(self, request: ExportRequest) -> Path:
         """Write the folder of the model."""

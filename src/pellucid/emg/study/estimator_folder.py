@@ -280,6 +280,11 @@ class EstimatorExporter(ControllerExporter):
     order: ClassVar[int] = 20
     unused: ClassVar[tuple[str, ...]] = ("slider", "exponents", "load", "held", "probe", "unmeasured")
     why_unused: ClassVar[str] = "torque from EMG has none"
+    question: ClassVar[str] = "Can this estimator be exported, and what does it protect from?"
+
+    def describe(self, request: ExportRequest, place: Path) -> str:
+        """Return what the estimator protects from."""
+        return "An estimator commands no drive and has no supervisor: the controller that reads it must have one"
 
     def fits(self, request: ExportRequest) -> bool:
         """Return whether the estimator is requested: by its card, or if the study has nothing else."""

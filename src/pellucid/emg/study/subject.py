@@ -146,6 +146,12 @@ class MusclesExporter(Exporter):
     )  # fmt: skip
     why_unused: ClassVar[str] = "muscles have none"
 
+    question: ClassVar[str] = "Can these muscles be exported?"
+
+    def describe(self, request: ExportRequest, place: Path) -> str:
+        """Return in a sentence what was written."""
+        return describe_muscles(place, request.to)
+
     def export(self, request: ExportRequest) -> Path:
         """Write the file of the muscles."""
         return export_subject(

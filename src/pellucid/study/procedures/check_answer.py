@@ -1,0 +1,51 @@
+"""The answer of `check`: may these recordings be used?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ..answer import Answer, AnswerVerdict, Basis, Step
+from .complete_answer import assumptions_of
+from .procedure import typed_command
+from .registry import asked
+
+if TYPE_CHECKING:
+    from ...files.fault import Fault
+    from ..study import Study
+
+MAX_NAMED_CHANNELS = 6
+"""Largest number of channels that the sentence names; the faults below it name all."""
+
+
+def check_answer(study: Study, faults: Sequence[Fault]) -> Answer:
+    """Return whether the first command that a study asks for can use its recordings, with the faults of a check."""
+    procedure = asked(study)[0]
+    command = typed_command(procedure.command)
+    refused = [fault for fault in faults if fault.severity == "refuse"]
+    warned = [fault for fault in faults if fault.severity == "warn"]
+    recordings = study.recordings()
+    excluded, files = set(procedure.unfit(study)), {fault.file for fault in refused}
+    used = sum(r.name not in excluded and r.path.name not in files for r in recordings)
+    count = len(recordings)
+    verdict: AnswerVerdict = "no" if refused else "yes"
+    if refused:
+        faulty = "1 fault prevents" if len(refused) == 1 else f"{len(refused)} faults prevent"
+        said = reason = f"{faulty} their use: {_named(refused)}"
+        step = Step("Correct what the warnings name, then check again", "check")
+    else:
+        whole = "The recording" if count == 1 else f"All {count} recordings" if used == count else f"{used} of {count}"
+        said = f"{whole} can be used" + (f"; see the warnings on {_named(warned)}" if warned else "")
+        reason, step = "", Step("Use the recordings", command)
+    basis = Basis(used, count, is_simulated=study.config.simulated, is_worn=study.config.worn)
+    question = f"Are these recordings fit to be used by {command}?"
+    answer = Answer(question, verdict, said, reason, basis=basis, next=(step,))
+    return replace(answer, assumed=assumptions_of(study)).in_folder(study.folder)
+
+
+def _named(faults: Sequence[Fault]) -> str:
+    """Return the channels of faults, each with its file."""
+    where = list(dict.fromkeys(f"{f.channel} of {f.file}" if f.channel else f.file for f in faults))
+    more = f" and {len(where) - MAX_NAMED_CHANNELS} more" if len(where) > MAX_NAMED_CHANNELS else ""
+    return f"{', '.join(where[:MAX_NAMED_CHANNELS])}{more}"
