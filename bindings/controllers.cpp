@@ -45,7 +45,8 @@ class StrapEstimator {
  public:
   explicit StrapEstimator(nb::handle parameters)
       : coefficients_(p::coefficients(read_params<p::StrapEstimatorParams<double>, double>("parameters", parameters))) {
-    if (!coefficients_.valid) throw nb::value_error("StrapEstimator: its parameters make no sense together");
+    if (!coefficients_.valid)
+      throw nb::value_error("StrapEstimator: found parameters outside their bounds, expected finite ones within them");
   }
   nb::tuple step(double position, double torque, double emg_torque, bool emg_valid) {
     p::Samples<double> samples;

@@ -73,7 +73,8 @@ class DrivenTree {
     params.substeps = static_cast<std::uint32_t>(read_integer("substeps", substeps, 1, 100000));
     read_rows("joints", joints, params.drives.joint);
     params.drives.coupled = !turns.is_none();
-    if (!params.drives.coupled && !motors.is_none()) throw nb::value_error("motors: expected turns too");
+    if (!params.drives.coupled && !motors.is_none())
+      throw nb::value_error("motors: found motors without turns, expected both");
     if (params.drives.coupled) {
       const Array matrix = read_array("turns", turns);
       matrix.expect(text({m_, m_}), {m_, m_});
@@ -83,7 +84,7 @@ class DrivenTree {
     }
     if (!elastic.is_none()) read_rows("elastic", elastic, params.elastic);
     c_ = std::make_unique<Coefficients>(p::coefficients(params));
-    if (!c_->valid) throw nb::value_error("turns: expected a matrix that has an inverse");
+    if (!c_->valid) throw nb::value_error("turns: found a matrix without an inverse, expected one that has it");
     state_ = std::make_unique<State>();
     reset(nb::none(), nb::none());
   }

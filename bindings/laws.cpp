@@ -168,12 +168,15 @@ template <class S> std::unique_ptr<Law> make(const std::string& name, nb::handle
     known += (known.empty() ? "\"" : ", \"") + std::string(L::name) + "\"";
     if (name == L::name) made = std::make_unique<LawIn<L, S>>(parameters);
   });
-  if (!made) throw nb::value_error(("law: expected one of " + known).c_str());
+  if (!made) throw nb::value_error(("law: found \"" + name + "\", expected one of " + known).c_str());
   return made;
 }
 
 double step(Law& law, double time, const nb::args& samples) {
-  if (samples.size() > law.sensors()) throw nb::type_error("step: more samples than the law has sensors");
+  if (samples.size() > law.sensors())
+    throw nb::type_error(("step: found " + std::to_string(samples.size()) + " samples, expected at most " +
+                          std::to_string(law.sensors()) + ", one for each sensor")
+                             .c_str());
   double values[p::quantity_count];
   for (std::size_t i = 0; i < law.sensors(); ++i) {
     const bool given = i < samples.size() && !samples[i].is_none();
@@ -183,7 +186,10 @@ double step(Law& law, double time, const nb::args& samples) {
 }
 
 nb::object run(Law& law, nb::handle time, const nb::args& samples) {
-  if (samples.size() > law.sensors()) throw nb::type_error("run: more samples than the law has sensors");
+  if (samples.size() > law.sensors())
+    throw nb::type_error(("run: found " + std::to_string(samples.size()) + " arrays of samples, expected at most " +
+                          std::to_string(law.sensors()) + ", one for each sensor")
+                             .c_str());
   const Array t = read_array("time", time);
   if (t.shape.size() != 1) t.fail("(n,)");
   const std::size_t n = t.shape[0];

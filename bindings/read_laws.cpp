@@ -16,7 +16,7 @@ template <class S> AnyLaw<S> read_law(const std::string& name, nb::handle parame
     pellucid::configure(law, read_params<typename L::Params, S>("law_parameters", parameters));
     found = law;
   });
-  if (!is_known) throw nb::value_error(("law: expected one of " + known).c_str());
+  if (!is_known) throw nb::value_error(("law: found \"" + name + "\", expected one of " + known).c_str());
   return found;
 }
 

@@ -395,7 +395,7 @@ class SortedRows {
                             many("leaves", leaves, 0, most), many("per_leaf", per_leaf, 1, most),
                             many("per_split", per_split, 2, most)};
     if (std::all_of(times.data, times.data + rows_.n, [](double w) { return w == 0.0; }))
-      throw nb::value_error("times: expected a row that counts, got none");
+      throw nb::value_error("times: found 0 for every row, expected a row that counts");
     std::vector<Node> nodes;
     {
       nb::gil_scoped_release release;

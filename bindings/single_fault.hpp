@@ -110,7 +110,11 @@ class SingleFault {
     constexpr std::size_t count = sizeof fault_kinds / sizeof *fault_kinds;
     std::size_t i = 0;
     while (i < count && name != fault_kinds[i].name) ++i;
-    if (i == count) throw nb::value_error(("fault: found no \"" + name + "\"").c_str());
+    if (i == count) {
+      std::string known;
+      for (const auto& kind : fault_kinds) known += (known.empty() ? "" : ", ") + std::string(kind.name);
+      throw nb::value_error(("fault: found \"" + name + "\", expected one of " + known).c_str());
+    }
     wrong_ = static_cast<Wrong>(i);
     onset_ = onset;
     seed_ = seed;

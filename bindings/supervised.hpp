@@ -31,10 +31,12 @@ class Supervised {
 /// f(LawOf) of the law with that name.
 template <class F> void with_law(const std::string& name, F&& f) {
   bool known = false;
+  std::string names;
   pellucid::Laws::for_each([&](auto of) {
+    names += (names.empty() ? "\"" : ", \"") + std::string(decltype(of)::template law<double>::name) + "\"";
     if (name == decltype(of)::template law<double>::name) f(of), known = true;
   });
-  if (!known) throw nb::value_error(("law: found no \"" + name + "\"").c_str());
+  if (!known) throw nb::value_error(("law: found \"" + name + "\", expected one of " + names).c_str());
 }
 
 /// A law of the list under its supervisor. Compiled for each scalar in a unit of its own.

@@ -103,7 +103,10 @@ tuple
 constexpr const char* time_doc = R"(Nanoseconds that a supervisor adds to a step of a law on a smooth motion, mean over `cycles`, least of `turns`.)";
 
 double step(Supervised& law, double time, const nb::args& samples, nb::handle drive, nb::handle joint, std::uint32_t token) {
-  if (samples.size() > law.sensors()) throw nb::type_error("step: more samples than the law has sensors");
+  if (samples.size() > law.sensors())
+    throw nb::type_error(("step: found " + std::to_string(samples.size()) + " samples, expected at most " +
+                          std::to_string(law.sensors()) + ", one for each sensor")
+                             .c_str());
   const auto number = [](nb::handle x) {
     return x.is_none() ? std::numeric_limits<double>::quiet_NaN() : nb::cast<double>(x);
   };
@@ -257,7 +260,8 @@ double time_added(const std::string& name, nb::handle parameters, nb::handle sup
         return p::step(alone, in, now);
       }));
     }
-    if (p::faults_of(law.state) != 0) throw nb::value_error("time_supervisor: the motion is a fault");
+    if (p::faults_of(law.state) != 0)
+      throw nb::value_error("time_supervisor: found a fault in the timed motion, expected none; check the numbers");
     return least - bare;
   });
 }

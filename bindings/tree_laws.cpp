@@ -140,9 +140,10 @@ template <class S> typename Law<S>::Params params_of(const Numbers& from) {
   const Array links = read_array("links", from.links);
   const auto tree = read_tree(links, read_array("gravity", from.gravity));
   if (tree->links > most_law_links)
-    throw nb::value_error(("links: expected at most " + std::to_string(most_law_links)).c_str());
+    throw nb::value_error(
+        ("links: found " + std::to_string(tree->links) + ", expected at most " + std::to_string(most_law_links)).c_str());
   const std::size_t m = p::coefficients(*tree).coordinates;
-  if (m == 0) throw nb::value_error("links: expected a joint that moves");
+  if (m == 0) throw nb::value_error("links: found no joint that moves, expected at least one");
   params.tree.links = tree->links;
   params.tree.gravity_x = static_cast<S>(tree->gravity_x);
   params.tree.gravity_y = static_cast<S>(tree->gravity_y);
@@ -328,7 +329,9 @@ class AnySupervisedTree {
   virtual nb::object effort() const = 0;
   virtual nb::list log() const = 0;
   virtual void flip(std::size_t bit) = 0;
-  virtual void command(const double*) { throw nb::value_error("command: expected a law that is commanded"); }
+  virtual void command(const double*) {
+    throw nb::value_error("command: found a law that takes no command, expected one that is commanded");
+  }
 };
 
 template <class L> class SupervisedTreeIn : public AnySupervisedTree {

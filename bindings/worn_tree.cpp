@@ -144,10 +144,10 @@ class WornTree {
         read_rows("cuffs", cuffs, params->cuffs, params->cuff);
       }
     } else if (!limb_joints.is_none() || !servos.is_none() || !cuffs.is_none()) {
-      throw nb::value_error("limb_links: expected with limb_joints, servos or cuffs");
+      throw nb::value_error("limb_links: found limb_joints, servos or cuffs without it, expected limb_links too");
     }
     c_ = std::make_unique<Coefficients>(p::coefficients(*params));
-    if (!c_->valid) throw nb::value_error("cuffs: expected links that robot and limb have");
+    if (!c_->valid) throw nb::value_error("cuffs: found a link that robot or limb lacks, expected links of both");
     state_ = std::make_unique<State>();
     reset(nb::none(), nb::none());
   }

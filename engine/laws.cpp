@@ -31,9 +31,9 @@ std::string Condition::make() {
     position_max = params.gate.position_max;
     fresh = made;
   });
-  if (!known) return "condition " + name + ": found the law \"" + kind + "\", expected one of the core's list";
+  if (!known) return "condition " + name + ": found the law \"" + kind + "\", expected a law of the core";
   if (!wrong.empty()) return wrong;
-  return sound ? "" : "condition " + name + ": the numbers of its law or of its supervisor lie outside their bounds";
+  return sound ? "" : "condition " + name + ": found numbers of its law or supervisor outside their bounds";
 }
 
 bool adjust(AnyLaw& law, std::vector<double>& numbers, std::size_t field, double value) noexcept {

@@ -127,7 +127,8 @@ int run(const char* settings_path, const char* region_path, bool ordinary) {
   if (wrong.empty()) wrong = region.open(region_path);
   std::unique_ptr<Device> device;
   if (wrong.empty()) device = make_device(settings, wrong);
-  if (wrong.empty() && region.header().period != settings.period_ns) wrong = std::string(region_path) + ": made for another period";
+  if (wrong.empty() && region.header().period != settings.period_ns)
+    wrong = std::string(region_path) + ": found another period, expected that of the settings";
   if (!wrong.empty()) {
     std::fprintf(stderr, "pellucid-engine: %s\n", wrong.c_str());
     return 2;

@@ -32,7 +32,7 @@ std::string Region::open(const std::string& path) {
   if (std::memcmp(h.magic, region_magic, sizeof region_magic) != 0 || h.version != region_version ||
       h.record_bytes != sizeof(Record) || h.record_capacity != record_capacity || h.event_bytes != event_bytes ||
       h.event_capacity != event_capacity)
-    return path + ": not a region of version " + std::to_string(region_version) + " that this engine knows";
+    return path + ": found no region of version " + std::to_string(region_version) + ", which this engine expects";
   // Pages are made now, and not in the loop. Sums of what was there: nothing is changed.
   volatile unsigned char sum = 0;
   for (std::size_t i = 0; i < region_bytes; i += 4096) sum = static_cast<unsigned char>(sum + memory_[i]);

@@ -40,7 +40,7 @@ double Settings::one(const std::string& name, double otherwise) const {
 
 std::string read_settings(const std::string& path, Settings& settings) {
   std::ifstream file(path);
-  if (!file) return path + ": not readable";
+  if (!file) return path + ": not readable, expected the settings of a session";
   std::string text;
   int at = 0;
   bool known = false;

@@ -296,7 +296,9 @@ def identify(
 
     if len(folders) > 1 or scheduler:
         if json or out:
-            raise PellucidError("identify: --json and --out are of one study; each of several keeps its own results")
+            raise PellucidError(
+                "identify: found several studies, expected one with --json and --out: identify each study by itself"
+            )
         _several(folders, family or None, allow_outside, scheduler)
         return
     study = _opened(folders[0], out, allow_outside)

@@ -139,9 +139,9 @@ def test_arguments_are_checked(rng):
         made(period=float("nan"))
     with pytest.raises(ValueError, match="substeps: expected a whole number from 1"):
         made(substeps=0)
-    with pytest.raises(ValueError, match="turns: expected a matrix that has an inverse"):
+    with pytest.raises(ValueError, match="turns: found a matrix without an inverse"):
         made(turns=np.ones((3, 3)))
-    with pytest.raises(ValueError, match="motors: expected turns too"):
+    with pytest.raises(ValueError, match="motors: found motors without turns, expected both"):
         made(motors=np.zeros((3, len(MOTOR))))
     with pytest.raises(ValueError, match=r"elastic: got shape \(3, 2\), expected \(3, 13\)"):
         made(elastic=np.zeros((3, 2)))

@@ -42,7 +42,7 @@ def test_every_recording_is_reported(found):
     rows = {r.id: r for r in read_rows(study.results_path)}
     for recording in study.recordings():
         row = rows[f"modexo_joint.transfer_function.fit.{recording.name}"]
-        assert (row.value is not None and row.value <= 100.0) or row.note.startswith("refused")
+        assert (row.value is not None and row.value <= 100.0) or row.note.startswith("not fitted")
     assert all((study.models_dir / f"{name}.json").is_file() for name in findings.cards)
 
 

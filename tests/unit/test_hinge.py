@@ -74,5 +74,5 @@ def test_a_joint_that_hardly_moves_is_refused(rng):
 
 def test_imus_of_different_length_are_refused():
     made = turned_hinge(seconds=12.0)
-    with pytest.raises(PellucidError, match="as many of both"):
+    with pytest.raises(PellucidError, match="equal numbers from both"):
         find_hinge(made.proximal, made.distal.between(0.0, 10.0))

@@ -177,7 +177,7 @@ def test_a_refused_interval_is_told_by_no_number():
     parameter = fit.headlined.estimate.parameters[0]
     assert "±" in value_and_half_interval(parameter, 0.95)
     assert "±" not in value_and_half_interval(parameter, 0.95, refused="too little motion")
-    assert "refused" in value_and_half_interval(parameter, 0.95, refused="too little motion")
+    assert "not identifiable" in value_and_half_interval(parameter, 0.95, refused="too little motion")
 
 
 def test_a_forest_writes_the_numbers_under_their_ids():

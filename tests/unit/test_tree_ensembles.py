@@ -81,7 +81,7 @@ def test_misuse_is_refused():
         SortedRows([[np.nan]])
     with pytest.raises(ValueError, match=r"y: got shape \(1,\), expected \(2,\), as long as x"):
         rows.grown([1.0], [1.0, 1.0], 0, **usual)
-    with pytest.raises(ValueError, match="times: expected a row that counts, got none"):
+    with pytest.raises(ValueError, match="times: found 0 for every row, expected a row that counts"):
         rows.grown([1.0, 2.0], [0.0, 0.0], 0, **usual)
     with pytest.raises(ValueError, match="features: expected a whole number from 1 to 1"):
         rows.grown([1.0, 2.0], [1.0, 1.0], 0, **{**usual, "features": 2})

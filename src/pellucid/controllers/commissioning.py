@@ -365,9 +365,14 @@ def _record_start(robot: Robot, law: SupervisedLaw, name: str, periods: int, *, 
             read.setdefault(sensor, [math.nan] * k).append(value)
     robot.write(0.0, enable=False)
     if not efforts.any() and running.fault != "none":
-        raise PellucidError(f"{name}: found the fault {running.fault} before any effort, expected a robot at rest")
+        raise PellucidError(
+            f"{name}: found the fault {running.fault} before any effort, expected none: check the sensors and that the "
+            "robot is at rest"
+        )
     whole = {sensor: np.array(values) for sensor, values in read.items() if len(values) == periods}
     if "position" not in whole:
-        raise PellucidError(f"{name}: found periods without a position, expected one in each")
+        raise PellucidError(
+            f"{name}: found periods without a position, expected one in each: check the encoder and its connection"
+        )
     position = whole.pop("position")
     return StartLog(name, times, position, efforts, whole)

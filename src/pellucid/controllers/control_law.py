@@ -151,7 +151,10 @@ class ControlLaw:
         known = LAWS[self.kind].parameters
         if set(self.values) != set(known):
             wrong = sorted(set(self.values) ^ set(known))
-            raise PellucidError(f"law {self.kind}: found no number, or one too many, for {', '.join(wrong)}")
+            raise PellucidError(
+                f"law {self.kind}: found no number, or one too many, for {', '.join(wrong)}, expected one for "
+                "each of its parameters"
+            )
 
     @property
     def parameters(self) -> np.ndarray:

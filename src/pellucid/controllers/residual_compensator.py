@@ -160,7 +160,10 @@ def observer_gains(coupling: Coupling, noise: Noise, period: float, speed: float
     try:
         p = solve_discrete_are((to @ a @ back).T, (c @ back).T, to @ q @ to, np.array([[noise.encoder**2]]))
     except np.linalg.LinAlgError as error:
-        raise PellucidError(f"observer_gains: the filter's Riccati equation has no solution ({error}).") from error
+        raise PellucidError(
+            f"observer_gains: the filter's Riccati equation has no solution ({error}); check the noises and the "
+            "coupling."
+        ) from error
     p = back @ p @ back
     gain = p @ c.T / (c @ p @ c.T + noise.encoder**2)
     return tuple(float(g) for g in gain[:, 0])
@@ -250,7 +253,10 @@ def within(
             break
         cases.insert(0, cases.pop(failing))  # what one law did not bear, the next will hardly
     else:
-        raise PellucidError(f"within: no weaker law leaves {gain_db:g} dB and {1e3 * delay:g} ms on every plant.")
+        raise PellucidError(
+            f"within: no weaker law leaves {gain_db:g} dB and {1e3 * delay:g} ms on every plant; ask for smaller "
+            "margins, or for fewer plants."
+        )
     others = [(plant, speed, trust) for speed in speeds for trust in (0.0, 1.0) for plant in wrong_plants]
     for step in range(SWING_STEP_COUNT + 1):
         left = 1.0 - step / SWING_STEP_COUNT
@@ -263,7 +269,10 @@ def within(
             others.insert(0, others.pop(failing))
         elif step == 0 or first_failing(weaker, cases, gain_db=gain_db, delay=delay) is None:
             return weaker
-    raise PellucidError("within: found no lower gains with which the motion settles for every plant, expected some")
+    raise PellucidError(
+        "within: found no lower gains with which the motion settles for every plant, expected some: remove the "
+        "stiffest of wrong_plants"
+    )
 
 
 def _weakened(law: Law, left: float) -> Law:

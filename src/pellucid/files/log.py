@@ -707,6 +707,7 @@ def _computed_findings(alike: Sequence[LogChannel]) -> Iterator[LogFinding]:
             echo = echoed.find_echo(channel.samples, command.samples)
             if echo is not None and (channel.quantity.kind in EFFORT_QUANTITIES or echo.correlation > 0.999999):
                 told.add(command.name)
-                text = f"it is {command.name}, {echo.delay} rows late (r = {echo.correlation:.5f}): no measurement"
+                late = f"{echo.delay} rows late (r = {echo.correlation:.5f})"
+                text = f"it repeats the command {command.name}, {late}: it is not a measurement"
                 yield LogFinding(echoed.KIND, channel.name, text, size=echo.correlation)
                 break

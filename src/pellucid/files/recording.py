@@ -272,7 +272,10 @@ class Recording:
         steps = np.diff(self.time)
         steps = steps[np.isfinite(steps) & (steps > 0.0)]
         if steps.size == 0:
-            raise RecordingError(f"{self.path.name} (recording {self.name}): time does not advance, so it has no rate")
+            raise RecordingError(
+                f"{self.path.name} (recording {self.name}): time does not advance, so that there is no sampling rate; "
+                "check the column of channel time, or state its rate"
+            )
         # The median alone is only as fine as the clock's last digit; the mean alone would count gaps.
         return 1.0 / float(np.mean(steps[steps < MIN_GAP_STEP_RATIO * np.median(steps)]))
 

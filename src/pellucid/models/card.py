@@ -175,7 +175,9 @@ def read_card(path: Path) -> ModelCard:
     named = {p.name: p.value for p in card.parameters}
     unknown = [name for name in (*named, *card.known) if name not in SYMBOLS_BY_NAME]
     if unknown:
-        raise PellucidError(f"{path}: unknown parameters {', '.join(unknown)}")
+        raise PellucidError(
+            f"{path}: unknown parameters {', '.join(unknown)}, expected any of {', '.join(SYMBOLS_BY_NAME)}"
+        )
     try:
         if card.family not in FAMILIES:
             raise ValueError(f"found the family {card.family!r}, expected one of {', '.join(FAMILIES)}")
@@ -217,7 +219,12 @@ def read_table(path: Path) -> dict:
         raise PellucidError(f"{path}: not a model card ({error})") from None
     version = table.get("format") if isinstance(table, dict) else None
     if not isinstance(version, int):
-        raise PellucidError(f"{path}: not a model card: no integer 'format'")
+        raise PellucidError(
+            f"{path}: not a model card: found no whole number \"format\", expected what identify writes"
+        )
     if version > CARD_FORMAT:
-        raise PellucidError(f"{path}: a model card of format {version}; this version reads up to {CARD_FORMAT}")
+        raise PellucidError(
+            f"{path}: found a model card of format {version}, expected up to {CARD_FORMAT}: a newer Pellucid wrote it, "
+            "install that one"
+        )
     return table

@@ -86,18 +86,24 @@ def align(
     inside = (time >= other_time[0] + longest) & (time <= other_time[-1] - longest) & np.isfinite(rate)
     if inside.sum() < MIN_SHARED_SAMPLES:
         raise RecordingError(
-            f"alignment: the records share {inside.sum()} samples at every delay up to {longest:g} s, expected "
-            f"{MIN_SHARED_SAMPLES}"
+            f"alignment: the records share {inside.sum()} samples at every delay up to {longest:g} s, expected at "
+            f"least {MIN_SHARED_SAMPLES}: record longer with both instruments"
         )
     t, y = time[inside], rate[inside]
     if np.std(y) == 0.0 or np.std(other_rate) == 0.0:
-        raise RecordingError("alignment: a signal does not change, so it has no delay")
+        raise RecordingError(
+            "alignment: one of the two signals is constant, so that it has no delay; expected a recorded motion in "
+            "both"
+        )
     spline = CubicSpline(other_time, other_rate)
     step = 0.5 * min(float(np.median(np.diff(time))), float(np.median(np.diff(other_time))))
     delays = np.arange(-longest, longest + 0.5 * step, step)
     first = best_delay(t, y, spline, delays)
     if first is None:
-        raise RecordingError("alignment: a signal does not change where both were recorded, so it has no delay")
+        raise RecordingError(
+            "alignment: one of the two signals is constant while both were recorded, so that it has no delay; record "
+            "motion with both instruments at the same time"
+        )
     gain, offset = np.polyfit(y, spline(t + first), 1)
 
     def misfit(x):
@@ -109,7 +115,7 @@ def align(
     if abs(correlation) < 0.5:
         raise RecordingError(
             f"alignment: the best correlation within {longest:g} s is {correlation:.2f}, expected 0.5 or more: "
-            "these are not two records of one motion"
+            "these are not two records of one motion; check both channels and the time between the starts of both files"
         )
     variance = np.mean(best.fun**2) * correlation_length(best.fun)
     error = float(np.sqrt(variance * np.linalg.pinv(best.jac.T @ best.jac)[0, 0]))
@@ -120,5 +126,7 @@ def clock_drift(first: Alignment, second: Alignment) -> tuple[float, float]:
     """How much faster the other clock runs, from two alignments."""
     apart = second.at - first.at
     if apart == 0.0:
-        raise RecordingError("alignment: a clock's drift needs two stretches at different times, found one")
+        raise RecordingError(
+            "alignment: found two stretches at the same time, expected different times to estimate the clock's drift"
+        )
     return (second.delay - first.delay) / apart, float(np.hypot(first.delay_error, second.delay_error)) / abs(apart)

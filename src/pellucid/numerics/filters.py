@@ -18,11 +18,15 @@ def zero_phase_lowpass(samples: np.ndarray, cutoff: float, order: int, fs: float
     """Butterworth low-pass run forwards and backwards along axis 0: no delay, twice the attenuation. `samples` (n,);
     `cutoff`, `fs` [Hz]."""
     if not 0.0 < cutoff < fs / 2.0:
-        raise ValueError(f"low-pass at {cutoff:g} Hz; expected above 0 and below half the sampling rate, {fs / 2:g} Hz")
+        raise ValueError(
+            f"found a low-pass of {cutoff:g} Hz, expected above 0 and below half the sampling rate, {fs / 2:g} Hz"
+        )
     low_pass = _butterworth(order, 2.0 * cutoff / fs)
     padding = 3 * (2 * len(low_pass.sections) + 1)
     if len(samples) <= padding:
-        raise ValueError(f"{len(samples)} samples; an order-{order} zero-phase filter needs more than {padding}")
+        raise ValueError(
+            f"found {len(samples)} samples, expected more than {padding} for a zero-phase filter of order {order}"
+        )
     return low_pass(samples)
 
 
@@ -31,7 +35,7 @@ def sliding_mean(samples: np.ndarray, count: int) -> np.ndarray:
     `count` gives both outermost samples half their weight, so that nothing is delayed."""
     if not 1 <= count <= len(samples):
         raise ValueError(
-            f"a sliding mean of {count} samples; expected at least 1 and at most the {len(samples)} there are"
+            f"found a sliding mean over {count} samples, expected at least 1 and at most the {len(samples)} recorded"
         )
     weights = np.ones(count) if count % 2 else np.concatenate([[0.5], np.ones(count - 1), [0.5]])
     half = len(weights) // 2

@@ -178,7 +178,10 @@ def added_gravity(together: Sequence[Sequence[Hold]], alone: GravityFit) -> tupl
         phasors.append(np.linalg.lstsq(blocks[-1], targets[-1], rcond=None)[0])
     found = _solve(np.vstack(blocks), np.concatenate(targets), HOLD_SETTINGS.confidence_level)
     if found is None:
-        raise IdentificationError("too few holds of both bodies for a gravity torque and an angle of rest")
+        raise IdentificationError(
+            f"found {sum(map(len, targets))} holds of both bodies, too few for a gravity torque and an angle of rest: "
+            "hold more angles"
+        )
     covariance = found.covariance
     if len(phasors) > 1:
         widen = (

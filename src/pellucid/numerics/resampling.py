@@ -29,7 +29,9 @@ def resample(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray) -> Resam
     if len(time) < 4 or np.any(np.diff(time) <= 0.0):
         raise RecordingError(f"resampling: found {len(time)} samples, expected four or more at increasing times")
     if not np.isfinite(samples).all():
-        raise RecordingError("resampling: a sample is missing; bridge dropouts first")
+        raise RecordingError(
+            f"resampling: found {np.sum(~np.isfinite(samples))} missing samples, expected none; bridge dropouts first"
+        )
     found = CubicSpline(time, samples, extrapolate=False)(wanted)
     return Resampled(found, spline_bandwidth((len(time) - 1) / float(time[-1] - time[0])))
 

@@ -164,7 +164,7 @@ def _exact_p_value(ranks: np.ndarray, sums: np.ndarray) -> float:
     n, k = ranks.shape
     if k > MAX_EXACT_CONDITIONS:
         raise PellucidError(
-            f"Friedman: {k} conditions are too many for the exact distribution; up to {MAX_EXACT_CONDITIONS}"
+            f"Friedman: found {k} conditions, expected at most {MAX_EXACT_CONDITIONS} for the exact distribution"
         )
     doubled = np.rint(2.0 * ranks).astype(np.int64)
     place = (2 * n * k + 1) ** np.arange(k, dtype=np.int64)
@@ -174,7 +174,9 @@ def _exact_p_value(ranks: np.ndarray, sums: np.ndarray) -> float:
     for row in doubled:
         orders = row[every]
         if len(reached) * len(orders) > MAX_EXACT_TABLE_SIZE:
-            raise PellucidError(f"Friedman: {n} participants, {k} conditions: too many for the exact distribution")
+            raise PellucidError(
+                f"Friedman: found {n} participants and {k} conditions, expected fewer for the exact distribution"
+            )
         ahead = np.sort((reached[:, None, :] + orders[None, :, :]).reshape(-1, k), axis=1)
         _, first, where = np.unique(ahead @ place, return_index=True, return_inverse=True)
         chance = np.bincount(where.ravel(), np.repeat(chance / len(orders), len(orders)))

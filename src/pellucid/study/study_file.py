@@ -158,7 +158,7 @@ def _unit_vector(direction: tuple[float, float, float] | None) -> tuple[float, .
         return None
     length = math.hypot(*direction)
     if length == 0.0:
-        raise ValueError("found [0, 0, 0], which points nowhere")
+        raise ValueError("found [0, 0, 0], which points nowhere, expected a direction such as [0, 0, -1]")
     return tuple(x / length for x in direction)
 
 
@@ -530,7 +530,7 @@ DELAYED_CHANNELS = ("torque", "force", "current", "voltage", "duty")
 
 def _not_zero(scale: float | None) -> float | None:
     if scale == 0.0:
-        raise ValueError("found 0, which makes every sample 0")
+        raise ValueError("found 0, which makes every sample 0, expected the factor of the samples")
     return scale
 
 
@@ -704,7 +704,9 @@ class ChannelSpec(StudyTable):
         name = table[DERIVED_PREFIX + "name"]
         if "rate" in table:
             if name != "time" or "column" in table:
-                raise ValueError("found rate, which replaces the column and the unit of time")
+                raise ValueError(
+                    "found rate with a column, expected rate alone: it replaces the column and the unit of time"
+                )
             table = {"column": 0, "unit": "s", **table}
         if "value" in table:
             table = _split_constant(table)

@@ -348,7 +348,7 @@ def shrink_within_limits(series: TreeFourier, limits: TreeLimits) -> TreeFourier
         if passed is None:
             return series
         series = series.smaller(0.99)
-    raise PellucidError(f"excitation: {passed}, however small the motion is")
+    raise PellucidError(f"excitation: {passed}, however small the motion is: give larger limits, or another centre")
 
 
 def _shrink_inside_limits(series: TreeFourier, limits: TreeLimits, time: np.ndarray) -> TreeFourier:
@@ -356,7 +356,10 @@ def _shrink_inside_limits(series: TreeFourier, limits: TreeLimits, time: np.ndar
     while not (limits.slacks(*series.motion(time)) > 1.5 * (1.0 - _LIMIT_SHARE)).all():
         series = series.smaller(0.95)
         if np.abs(series.a).max() + np.abs(series.b).max() < 1e-9:
-            raise PellucidError("excitation: found a place that is at a limit even at rest, expected room around it")
+            raise PellucidError(
+                "excitation: found a centre of motion at a limit even at rest, expected room around it: give larger "
+                "limits"
+            )
     return series
 
 

@@ -213,8 +213,8 @@ class RobotFit(TreeEstimate):
         )
         if not np.linalg.eigvalsh(masses[0]).min() > 0.0:
             raise IdentificationError(
-                "simulate: found a mass matrix with a negative eigenvalue, expected a possible body: base parameters "
-                "determine efforts, and not every division among the links can move"
+                "simulate: found a mass matrix with a negative eigenvalue, which no robot has; expected the identified "
+                "parameters to describe possible bodies: identify with motions that move each joint more"
             )
         plant = _core.DrivenTree(
             model.links(), np.array(self.robot.tree.gravity, float), model.joints(), period=period,
@@ -223,7 +223,10 @@ class RobotFit(TreeEstimate):
         plant.reset(start["position"], start["velocity"])
         made, speed = plant.run(drive)
         if not np.isfinite(made).all():
-            raise IdentificationError("simulate: effort: found one at which the simulated robot diverges")
+            raise IdentificationError(
+                "simulate: effort: found one at which the simulated robot diverges, expected a bounded motion: check "
+                "the signs and units of the efforts and the start"
+            )
         return RobotTrace(clock, made, speed)
 
     def score(self, recordings: Sequence[Mapping[str, ArrayLike]] | Mapping[str, ArrayLike]) -> RobotScore:

@@ -95,7 +95,7 @@ class TreeTable(ProcedureTable):
     def _unit_length(cls, gravity: tuple[float, float, float]) -> tuple[float, float, float]:
         length = math.hypot(*gravity)
         if length == 0.0:
-            raise ValueError("found [0, 0, 0], which points nowhere")
+            raise ValueError("found [0, 0, 0], which points nowhere, expected a direction such as [0, 0, -1]")
         return (gravity[0] / length, gravity[1] / length, gravity[2] / length)
 
     @field_validator("held", mode="before")

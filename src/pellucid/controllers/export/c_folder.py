@@ -139,7 +139,10 @@ def refuse_faults(out: Path, statuses: Iterable[int]) -> None:
     """Raise a PellucidError if one of the status words `statuses` of a motion contains a fault."""
     wrong = next((word & 0xFF for word in statuses if word & 0xFF), 0)
     if wrong:
-        raise PellucidError(f"{out}: found fault {wrong} in the test vector's motion, expected none")
+        raise PellucidError(
+            f"{out}: found the fault {_core.FAULTS[wrong]} in the test vector's motion, expected none, because the "
+            "robot is healthy; check [rig.limits] and [rig.instruments]"
+        )
 
 
 @contextmanager

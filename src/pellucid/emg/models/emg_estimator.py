@@ -261,7 +261,7 @@ def read_estimator_card(path: Path) -> EmgEstimatorCard:
     """Read a card again."""
     table = read_table(path)
     if table.get("kind") != KIND:
-        raise PellucidError(f"{path}: not the card of an estimator of torque from EMG")
+        raise PellucidError(f"{path}: not the card of an estimator of torque from EMG, which calibrate writes")
     try:
         card = EmgEstimatorCard(**fields_of(EmgEstimatorCard, table))
         _require_estimator(card)

@@ -312,7 +312,9 @@ class MusclePath:
         count = len(next(iter(values.values()))[0])
         points, carried, active = self._points(skeleton, placed, values, count, along)
         if not active[:, [0, -1]].all() and (active.sum(axis=1) < 2).any():
-            raise PellucidError(f"muscle {self.muscle}: found fewer than two points that it runs through, expected two")
+            raise PellucidError(
+                f"muscle {self.muscle}: found fewer than two path points, expected at least two: correct the model"
+            )
         nodes = _Nodes(points, carried, active, len(self.surfaces))
         if self.surfaces:
             self._wrap(nodes, placed, active)

@@ -188,4 +188,6 @@ def _is_numeric(dtype: np.dtype) -> bool:
 def require_inside(path: Path, name: str, item: Any) -> None:
     """Refuse data that is stored in another file, because that may be any file of this computer."""
     if item.external or item.is_virtual:
-        raise RecordingError(f"{path.name}: found that {name} is stored in another file, expected it in this one")
+        raise RecordingError(
+            f"{path.name}: found that {name} is stored in another file, expected it in this one: copy the data into it"
+        )

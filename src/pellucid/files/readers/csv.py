@@ -389,7 +389,7 @@ def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> 
         if len(lines) >= MAX_HEADER_LINES:
             break
     if not lines:
-        raise RecordingError(f"{path.name}: found no row of data")
+        raise RecordingError(f"{path.name}: found no row of data, expected rows of numbers below a header")
     require_narrow_lines(path, (line for _, line in lines[:20]))
     delimiter = delimiter or _delimiter(_body([line for _, line in lines]))
     split = [_split(line, delimiter) for _, line in lines[:MAX_HEADER_LINES]]
@@ -827,7 +827,9 @@ def _names(path: Path, header: list[str] | None, width: int) -> list[str]:
     while len(names) > width and not header[len(names) - 1]:
         names.pop()
     if len(names) != width:
-        raise RecordingError(f"{path.name}: the header names {len(names)} columns, the rows hold {width}")
+        raise RecordingError(
+            f"{path.name}: the header names {len(names)} columns, the rows hold {width}: correct the header"
+        )
     repeated = {name for name in names if names.count(name) > 1}
     return [f"{name}.{i}" if name in repeated else name for i, name in enumerate(names)]
 

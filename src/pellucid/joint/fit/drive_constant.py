@@ -69,7 +69,8 @@ def estimate_drive_constant(model: JointModel, data: Stack[Motion]) -> Parameter
         norms = np.linalg.norm(w, axis=0)
         if np.linalg.cond(w / np.maximum(norms, np.finfo(float).tiny)) > 1e6:
             raise IdentificationError(
-                "these recordings do not distinguish the payload's effort from that of the joint itself"
+                "these recordings do not distinguish the payload's effort from that of the joint itself; record the "
+                "same motion with another known payload"
             )
         step = least_squares_within(w, residual, lower - values, upper - values)
         values = values + step
@@ -222,7 +223,7 @@ def _apparent_mass(
     """Return the mass at the distance that makes the robot's balance hold best over a lift [kg]."""
     unknown = sorted(set(body) - set(NAMES))
     if unknown:
-        raise IdentificationError(f"load: found no number {', '.join(unknown)} of a joint's body")
+        raise IdentificationError(f"load: found {', '.join(unknown)} in the body, expected any of {', '.join(NAMES)}")
 
     def smooth(samples: np.ndarray) -> np.ndarray:
         return zero_phase_lowpass(np.asarray(samples, float), lowpass, LIFT_FILTER_ORDER, lift.fs)
@@ -236,7 +237,7 @@ def _apparent_mass(
     if np.count_nonzero(used) < MIN_MOVING_S * lift.fs:
         raise IdentificationError(
             f"load: found {np.count_nonzero(used) / lift.fs:.3g} s of motion above {MIN_LIFT_SPEED:g} rad/s, expected "
-            f"{MIN_MOVING_S:g} s"
+            f"at least {MIN_MOVING_S:g} s: lift faster or longer"
         )
     vector = np.array([body.get(name, 0.0) for name in NAMES])
     inertia, sine, cosine = (vector[PARAMETER_INDEX[name]] for name in ("inertia", "gravity_sine", "gravity_cosine"))

@@ -46,7 +46,10 @@ def simulated_motions(
     for motion in motions:
         trace = replay(model, values, motion, machine, closed=True)
         if not is_bounded(trace.position):
-            raise IdentificationError(f"recording '{motion.recording}': the simulated closed loop diverges")
+            raise IdentificationError(
+                f"recording '{motion.recording}': the simulated closed loop diverges, so that methods in closed loop "
+                "do not apply; check the gains in [rig.loop] and the unit of the reference"
+            )
         position, velocity, acceleration = differentiate(trace.position, motion.fs, motion.filtering)
         slip, direction = friction_signals(trace.position, velocity, motion.fs, motion.filtering)
         made.append(
@@ -146,7 +149,10 @@ def solve_output_error(model: JointModel, data: Stack[Motion], machine: Machine,
     lower, upper = model.bounds()
     start = np.clip(first.values, lower + 1e-9, np.where(np.isfinite(upper), upper * (1.0 - 1e-9), upper))
     if not np.any(at(start)[1]):
-        raise IdentificationError("the simulated response diverges at the least-squares estimate")
+        raise IdentificationError(
+            "the simulated response diverges at the least-squares estimate, so that no fit to simulations can start "
+            "there; use the least-squares estimate, or check the sign and unit of the effort"
+        )
     # Without inertia the response is so sensitive that squares of its derivative overflow: such steps are rejected.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         found = least_squares(

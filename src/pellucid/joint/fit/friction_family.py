@@ -319,7 +319,8 @@ def _apply_other_methods(
             made = make(solution, name, instruments=z, lengths=lengths)
             if not np.isfinite(made.covariance).all():
                 raise IdentificationError(
-                    "found parameters that the motion does not identify separately, expected a finite covariance"
+                    "found parameters that the motion does not identify separately, expected a finite covariance: "
+                    "record a motion in which their effects differ"
                 )
             solved[name] = SolvedMethod(model, solution, every_row=lengths is not None, instruments=z)
             others[name] = made

@@ -291,8 +291,9 @@ def _profile_stribeck_velocity(
             minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02, "maxiter": 12})
     if not tried:
         raise IdentificationError(
-            f"stribeck cannot be identified: no sample is slower than {top:.3g} and outside the dead band "
-            f"(family '{model.family}')"
+            f"stribeck cannot be identified (family '{model.family}'): found no sample between the dead band and "
+            f"{top:.3g} {'rad/s' if model.motion == 'rotary' else 'm/s'}, expected some: record slow motion, or lower "
+            "dead_band"
         )
     cost_of = {v: float(np.sum((each.residual * w) ** 2)) for v, each in tried.items()}
     velocity = min(cost_of, key=lambda v: cost_of[v])

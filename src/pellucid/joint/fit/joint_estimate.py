@@ -185,7 +185,10 @@ class JointEstimate(Estimates):
             presliding_travel=self.filtering.presliding_travel,
         )
         if not (np.abs(trace.position) < MAX_SIMULATED_POSITION).all():
-            raise IdentificationError("simulate: effort: found one at which the simulated joint diverges")
+            raise IdentificationError(
+                "simulate: effort: found one at which the simulated joint diverges, expected a bounded motion: check "
+                "the sign and unit of the effort and the start"
+            )
         return trace
 
     def card(self, name: str = "joint", lifts: str = "") -> ModelCard:

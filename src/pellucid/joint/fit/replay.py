@@ -135,7 +135,9 @@ def simulate_recording(
     """
     trace = replay(model, values, motion, machine, closed=closed, travel=travel)
     if not (is_bounded(trace.acceleration) and is_bounded(trace.effort)):
-        raise IdentificationError(f"recording '{motion.recording}': the simulated joint diverges")
+        raise IdentificationError(
+            f"recording '{motion.recording}': the simulated joint diverges; check the sign and unit of the effort"
+        )
     inner = motion.inner
     made = (*differentiate(trace.position, motion.fs, motion.filtering), motion.smooth(trace.effort))
     measured = {n: getattr(motion, n)[inner] for n in COMPARED_SIGNALS}
@@ -421,7 +423,8 @@ def joint_posterior(estimate: JointEstimate, data: Stack[Motion], **sampling) ->
     lacks = neglected_columns(model.names, values, jacobian, residual, states, statistical)
     if lacks is None:
         raise IdentificationError(
-            "found too few samples in motion or no residual, expected enough of both to estimate the noise"
+            "found too few samples in motion or no residual, expected enough of both to estimate the noise: record "
+            "longer, or lower dead_band"
         )
     # Parameters are scaled to the effort that they produce.
     free, scale = np.flatnonzero(lacks.free), lacks.scale

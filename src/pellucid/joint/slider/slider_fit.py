@@ -672,7 +672,10 @@ def _nearest_possible_body(
             inside,
         )
         if np.min(model.gaps(found, rail, mass)) < -1e-6:
-            raise IdentificationError(f"no possible body found near these recordings: {said}")
+            raise IdentificationError(
+                f"no possible body found near these recordings ({said}): check the signs of position and current, and "
+                "the mass"
+            )
         if best is None:
             best, least = found, _misfit(model, found, data)
         else:

@@ -315,8 +315,8 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float, payl
     elif is_one_file:
         return Verdict("wrong", sentence, ONE_FILE_ADVICE, weight=weight)
     else:
-        do = f"Check what moved in {which}: a payload that is not stated, another machine, other settings"
-    return Verdict("wrong", sentence, f"{do}; or leave it out.", weight=weight)
+        do = f"Check {which} for a payload that is not stated, another machine or other settings"
+    return Verdict("wrong", sentence, f"{do}; or exclude it.", weight=weight)
 
 
 def report_drive_constant(case: JointCase) -> Iterator[Verdict]:
@@ -1054,7 +1054,7 @@ def _rival(estimate: JointEstimate, name: str) -> str | None:
     j = int(np.argmax(np.abs(correlation)))
     if abs(correlation[j]) < FINDING_THRESHOLDS.min_hiding_correlation:
         return None
-    return f"it trades off against {names[j].replace('_', ' ')} (correlation {correlation[j]:+.2f})"
+    return f"its estimate is correlated at {correlation[j]:+.2f} with that of {names[j].replace('_', ' ')}"
 
 
 ALWAYS_STATED_PARAMETERS = ("inertia", "gravity")

@@ -306,8 +306,8 @@ def reversals(
     strokes = int((share - MOVE_DURATION_S) * frequency)
     if len(centres) == 0 or strokes < 3 or not 0.0 < smallest < largest:
         raise IdentificationError(
-            f"reversals: found {strokes} strokes from {smallest:g} to {largest:g} around {len(centres)} centres, "
-            "expected 3 or more that grow around 1 or more"
+            f"reversals: found {len(centres)} centres, {strokes} strokes around each, of {smallest:g} to {largest:g}; "
+            "expected at least 1 centre, 3 strokes and a largest stroke above the smallest: give more time or centres"
         )
     sizes = np.geomspace(smallest, largest, strokes)
     ends = np.round(np.linspace(0.0, duration * fs, len(centres) + 1)).astype(int)

@@ -71,7 +71,9 @@ class Hinge:
 def find_hinge(proximal: Inertial, distal: Inertial) -> Hinge:
     """Axes, centre and gyroscope offsets of a hinge."""
     if len(proximal) != len(distal):
-        raise RecordingError(f"hinge: found {len(proximal)} and {len(distal)} samples, expected as many of both IMUs")
+        raise RecordingError(
+            f"hinge: found {len(proximal)} and {len(distal)} samples, expected equal numbers from both IMUs"
+        )
     found = [_rest_offset(imu) for imu in (proximal, distal)]
     offsets = np.array([np.zeros(3) if each is None else each for each in found])
     rates = [imu.angular_velocity - offset for imu, offset in zip((proximal, distal), offsets, strict=True)]
@@ -81,7 +83,7 @@ def find_hinge(proximal: Inertial, distal: Inertial) -> Hinge:
         raise RecordingError(
             f"hinge: the joint turns at {np.degrees(speed):.2g} deg/s RMS in the "
             f"{proximal.period * len(proximal):.3g} s given, expected at least "
-            f"{np.degrees(HINGE_THRESHOLDS.min_hinge_rate):.2g} deg/s: axis and centre cannot be found"
+            f"{np.degrees(HINGE_THRESHOLDS.min_hinge_rate):.2g} deg/s to find axis and centre: move faster"
         )
     motions = [_Motion.of(imu, offset) for imu, offset in zip((proximal, distal), offsets, strict=True)]
     arms = hinge_arms(motions[0], motions[1], axes)
@@ -293,7 +295,9 @@ def hinge_angle(
 ) -> HingeAngle:
     """Follow a hinge's angle."""
     if len(proximal) != len(distal):
-        raise RecordingError(f"hinge: found {len(proximal)} and {len(distal)} samples, expected as many of both IMUs")
+        raise RecordingError(
+            f"hinge: found {len(proximal)} and {len(distal)} samples, expected equal numbers from both IMUs"
+        )
     time, period = proximal.time, proximal.period
     frames = [across(axis) for axis in hinge.axes]
     rates = [imu.angular_velocity - o for imu, o in zip((proximal, distal), hinge.offsets, strict=True)]
@@ -309,7 +313,10 @@ def hinge_angle(
     ]
     start = next((i for i in range(len(time)) if seen[0][1][i] < ANGLE_NOISE.least_known), None)
     if start is None:
-        raise RecordingError("hinge: the acceleration of the joint is along its axis throughout: no angle can be found")
+        raise RecordingError(
+            "hinge: the joint centre accelerates only along the hinge axis, so that no angle can be found: move the "
+            "joint across its axis too"
+        )
     first = (seen[0][0][start] - steps[1 : start + 1].sum(), seen[0][1][start])
     filtered = _Filter(period, steps, seen if directions else [], first, hinge)
     return filtered.smoothed(time) if offline else filtered.causal(time)

@@ -75,7 +75,9 @@ def inertial(
     values = {name: _triple(recording, prefix, name, where) for name in wanted}
     time = np.asarray(recording.time, float)
     if not np.isfinite(time).all() or len(time) < 2 or np.any(np.diff(time) <= 0.0):
-        raise RecordingError(f"{where}: the clock of {prefix} does not advance at every sample")
+        raise RecordingError(
+            f"{where}: found times of {prefix} that do not increase at every sample, expected increasing times"
+        )
     period = 1.0 / recording.fs
     grid = time[0] + period * np.arange(round((time[-1] - time[0]) / period) + 1)
     bridged, gaps = np.zeros(len(grid), bool), []
@@ -328,7 +330,9 @@ def compare_filters(
     early = time < fit_until
     start = imu.between(imu.time[0], fit_until)
     if not early.any() or early.all() or len(start) < 2:
-        raise RecordingError(f"compare filters: no encoder or IMU samples before, or none after, {fit_until:g} s")
+        raise RecordingError(
+            f"compare filters: found no samples on one side of {fit_until:g} s, expected encoder and IMU on both"
+        )
     axis, _ = principal_axis(start.angular_velocity)
     alignment = align_encoder(start, axis, time[early], encoder[early], longest=longest_delay)
     errors = []

@@ -100,7 +100,10 @@ def strap_posterior(
     `gain` is the IMU's gain if a calibration has determined it. `sampling` is passed on to `drawn`.
     """
     if fit.stiffness.at_bound or fit.damping.at_bound:
-        raise IdentificationError("a parameter of the strap is on its bound, so that no posterior can be sampled")
+        raise IdentificationError(
+            "stiffness or damping of the strap is on its bound, so that no posterior can be sampled; record swings at "
+            "more speeds and amplitudes"
+        )
     trials = [StrapTrial(s, t) for s, t in zip(swings, torques, strict=True)]
     problem = StrapProblem(trials, None, True)
     problem.leave_out(decay_time(fit.stiffness.value, fit.damping.value))

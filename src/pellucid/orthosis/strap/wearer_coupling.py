@@ -377,7 +377,7 @@ def _judge(swing, torque, instrument, fit, strap, other, published, angles, orth
 
 def _read(parameter: Parameter) -> str:
     if parameter.refused:
-        return f"{parameter.value:.3g} {parameter.unit} (interval refused)"
+        return f"{parameter.value:.3g} {parameter.unit} (not identifiable)"
     return f"{parameter.value:.3g} ± {1.96 * parameter.standard_error:.2g} {parameter.unit}"
 
 
@@ -419,7 +419,7 @@ def _side_verdict(found: WearerCoupling, no_limb: str, decision: StrapDecision) 
         said = f"the limb's torque balance explains more of the mismatch in {use} swings ({theirs:.1f} against "
         said += f"{ours:.1f} %): the orthosis's own parameters or its friction are probably wrong"
     # Errors of the limb's torque are in the model's input: they bias the estimate without showing in the residual.
-    said += f". As a spring and a damper, the limb's balance gives {_read(other.stiffness)} and "
+    said += f". As a spring and a damper, the limb's torque balance gives {_read(other.stiffness)} and "
     said += f"{_read(other.damping)}, the orthosis's {_read(fit.stiffness)} and {_read(fit.damping)}: "
     said += (
         "stiffnesses agree."
@@ -438,5 +438,5 @@ def _published_verdict(found: WearerCoupling) -> Verdict:
         "note",
         f"{found.participant}: the published form, in which the strap's torque cancels, gives {literal.stiffness:.3g} "
         f"N*m/rad, {literal.damping:.3g} N*m*s/rad and {literal.inertia:.3g} kg*m^2{stopped}, and explains "
-        f"{found.mean_fit('published', split):.1f} %.",
+        f"{found.mean_fit('published', split):.1f} % of the mismatch.",
     )

@@ -205,13 +205,15 @@ def excited_lines(amplitude: np.ndarray) -> np.ndarray:
     size = np.maximum(amplitude[1:], 1e-9 * amplitude[1:].max(initial=1e-300))
     order = np.sort(size)[::-1]
     if len(order) < 2:
-        raise IdentificationError(f"found a period of {len(order)} lines, expected two at least")
+        raise IdentificationError(
+            f"found a period with {len(order)} frequencies, expected two or more: check the period"
+        )
     steps = order[:-1] / order[1:]
     cut = int(np.argmax(steps))
     if steps[cut] < MIN_LINE_CONTRAST:
         raise IdentificationError(
-            f"found no gap above a factor {steps[cut]:.2g} between lines that are excited and others, expected "
-            f"{MIN_LINE_CONTRAST:g}: the period is another one, or a reference is needed"
+            f"found excited frequencies only {steps[cut]:.2g} times as strong as the others, expected at least "
+            f"{MIN_LINE_CONTRAST:g} times: check the period, or state the reference"
         )
     return np.flatnonzero(size >= order[cut]) + 1
 
@@ -228,7 +230,10 @@ def _remove_transients(
     between = np.setdiff1d(np.arange(1, last), np.arange(0, last, periods))
     width = min(NOISE_BINS_PER_LINE, len(between))
     if width <= TRANSIENT_DEGREE + 1:
-        raise IdentificationError(f"found {len(between)} bins between lines, expected {TRANSIENT_DEGREE + 2} at least")
+        raise IdentificationError(
+            f"found {len(between)} frequencies between the excited ones, expected {TRANSIENT_DEGREE + 2}: record more "
+            "periods"
+        )
     centre = np.searchsorted(between, lines * periods)
     first = np.clip(centre - width // 2, 0, len(between) - width)
     windows = between[first[:, None] + np.arange(width)]
@@ -336,7 +341,9 @@ def local_response(
     if n < 8 * half:
         raise IdentificationError(f"found {n} samples, expected at least {8 * half} for a frequency response")
     if any(not np.isfinite(x).all() or np.ptp(x) == 0.0 for x in (cause, *signals)):
-        raise IdentificationError("found a signal that stays or lacks samples, expected ones that move")
+        raise IdentificationError(
+            "found a signal that is constant or has missing samples, expected complete signals that change"
+        )
     # Bin k has the frequency k rate / n. The means are removed, because they are no part of a response.
     driving = np.fft.rfft(cause - cause.mean()) / n
     both = np.stack([np.fft.rfft(x - x.mean()) / n for x in signals], axis=1)

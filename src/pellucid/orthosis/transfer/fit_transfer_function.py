@@ -121,7 +121,8 @@ def first_transfer_functions(experiment: Experiment) -> list[TransferFunction]:
     if not found:
         raise IdentificationError(
             f"{_recording_names(experiment)}: the regression on filtered signals is singular; the input does not "
-            f"excite {experiment.poles} poles and {experiment.zeros} zeros"
+            f"excite {experiment.poles} poles and {experiment.zeros} zeros; state fewer, or record an input with more "
+            "frequencies"
         )
     found.sort(key=lambda each: each[0])
     error, start, linear = found[0]
@@ -203,7 +204,9 @@ def _step(
     w = experiment.columns([np.hstack([f, b.numerator]) for f, b in zip(measured, bases, strict=True)], own)
     y = np.concatenate(target)
     if not (np.isfinite(w).all() and np.isfinite(y).all()):
-        raise IdentificationError("the filtered signals overflow")
+        raise IdentificationError(
+            "the filtered signals overflow: the first guess has a pole far faster than the sampling; state fewer poles"
+        )
     if linear is None:
         values = _solve_instrumental(w, w, y)
     else:
@@ -223,7 +226,10 @@ def _solve_instrumental(z: np.ndarray, w: np.ndarray, y: np.ndarray) -> np.ndarr
     singular = np.linalg.svd(gram, compute_uv=False)
     # The condition number of this product is the square of that of the regressor.
     if not np.isfinite(singular).all() or singular[-1] <= SINGULAR_VALUE_TOLERANCE**1.5 * singular[0]:
-        raise IdentificationError("the regression on filtered signals is singular")
+        raise IdentificationError(
+            "the regression on filtered signals is singular: the input excites too few frequencies for this many poles "
+            "and zeros; state fewer, or record an input with more frequencies"
+        )
     return np.linalg.solve(gram, (z / weight).T @ y) / scale
 
 
@@ -490,7 +496,8 @@ def _search(experiment: Experiment, start: TransferFunction) -> _SearchResult:
     if point is None:
         raise IdentificationError(
             f"{_names(experiment)}: the first guess has a pole at {np.max(np.abs(start.poles)):.3g} 1/s, faster than "
-            f"the sampling shows ({_highest_visible_rate(experiment):.3g} 1/s)"
+            f"the sampling shows ({_highest_visible_rate(experiment):.3g} 1/s); state fewer poles, or record at a "
+            "higher rate"
         )
     floor = 1e-12 * float(np.linalg.norm(experiment.output))
     damping, settled, steps = 1e-3, False, 0
@@ -631,7 +638,9 @@ def _require_regular(experiment: Experiment, jacobian: np.ndarray) -> None:
     n, m = experiment.poles, experiment.zeros
     scale = np.linalg.norm(jacobian, axis=0)
     if not np.isfinite(scale).all() or np.any(scale == 0.0):
-        raise IdentificationError(f"{_names(experiment)}: a coefficient has no effect on the response")
+        raise IdentificationError(
+            f"{_names(experiment)}: a coefficient has no effect on the response; state fewer poles or zeros"
+        )
     _, singular, rows = np.linalg.svd(jacobian / scale, full_matrices=False)
     if singular[-1] > SINGULAR_VALUE_TOLERANCE * singular[0]:
         return
@@ -640,7 +649,7 @@ def _require_regular(experiment: Experiment, jacobian: np.ndarray) -> None:
     raise IdentificationError(
         f"{_names(experiment)}: {', '.join(tied) or 'initial states'} are not identifiable separately "
         f"(condition number above {1 / SINGULAR_VALUE_TOLERANCE:.0e}): a pole cancels a zero, or the input excites too "
-        f"few frequencies for {n} poles and {m} zeros"
+        f"few frequencies for {n} poles and {m} zeros; state fewer, or record an input with more frequencies"
     )
 
 

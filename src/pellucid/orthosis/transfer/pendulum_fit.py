@@ -102,7 +102,7 @@ def simulate_pendulum(
     if states is None:
         states = _solve_piecewise(values, initial, drive)
     if not np.isfinite(states).all():
-        raise IdentificationError("the simulated pendulum diverges")
+        raise IdentificationError("the simulated pendulum diverges; check the torque's sign and unit")
     _, slopes = _integrate_steps(values, states[:-1], drive, parameters=True)
     start = np.zeros((2, 8))
     start[:, 6:] = np.eye(2)
@@ -110,7 +110,9 @@ def simulate_pendulum(
     spread = march(slopes[:, :, :2], forcing, start)
     weight = np.maximum(np.abs(np.concatenate([values, initial])), 1e-3)
     if not np.abs(spread[-1, 0] * weight).max() < MAX_END_SHIFT_RAD:
-        raise IdentificationError("the simulated pendulum diverges: its end follows no more from its start")
+        raise IdentificationError(
+            "the simulated pendulum diverges: a small change of its start changes its end without bound"
+        )
     samples = slice(None, None, drive.substeps)
     return PendulumMotion(states[samples, 0], states[samples, 1], spread[samples, 0], states)
 
@@ -441,7 +443,9 @@ class _Problem:
         """Return every record with its simulation."""
         made, k = self.motions(x), len(self.names)
         if made is None:
-            raise IdentificationError(f"{_names(self.records)}: the simulated pendulum diverges")
+            raise IdentificationError(
+                f"{_names(self.records)}: the simulated pendulum diverges; check the torque's sign and unit"
+            )
         states = x[k:].reshape(-1, 2)
         return tuple(Response.of(r, m.position, q) for r, m, q in zip(self.records, made, states, strict=True))
 

@@ -142,7 +142,7 @@ def parameter_interval(parameter: Parameter, level: float) -> str:
     if parameter.standard_error == 0.0:
         return "–"
     if parameter.refused:
-        return "refused"
+        return "not identifiable"
     low, high = parameter.interval(level)
     symbol = SYMBOLS_BY_NAME.get(parameter.name)
     if parameter.at_bound and symbol is not None:
@@ -159,12 +159,12 @@ def interval_text(parameter: Parameter, level: float) -> str:
 
 
 def value_and_half_interval(parameter: Parameter, level: float, *, refused: str = "") -> str:
-    """Return a parameter's value with half its interval, or with the word "refused" where no interval may be read.
+    """Return a parameter's value with half its interval, or with the remark that the value is not identifiable.
 
     `refused` is the reason for which another estimate of the same parameter was refused; "" if it was not.
     """
     if parameter.refused or refused:
-        return f"{number(parameter.value, parameter.standard_error)}, interval refused"
+        return f"{number(parameter.value, parameter.standard_error)}, not identifiable"
     low, high = parameter.interval(level)
     half = number(0.5 * (high - low), parameter.standard_error)
     return f"{number(parameter.value, parameter.standard_error)} ± {half}"

@@ -132,11 +132,14 @@ def compare(
         if first != second:
             raise IdentificationError(
                 f"{a} and {b} cannot be compared: {what.replace('_', ' ')} is {first!r} in the first and {second!r} in "
-                "the second"
+                "the second; identify both alike"
             )
     shared = [p.name for p in one.parameters if p.name in {q.name for q in two.parameters}]
     if not shared:
-        raise IdentificationError(f"{a} and {b} share no parameter")
+        raise IdentificationError(
+            f"{a} and {b} share no parameter, expected at least one: identify both with the same friction family, "
+            "--family"
+        )
     difference = np.array([two[n].value - one[n].value for n in shared])
     covariance = _part(one, shared) + _part(two, shared)
     sd = np.sqrt(np.diag(covariance))

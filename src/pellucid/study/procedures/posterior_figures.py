@@ -53,5 +53,5 @@ def posterior_figure(compared: Sequence[ComparedPosterior], level: float, file: 
         file,
         figure,
         f"Draws of each parameter; below them, in blue, median and {100.0 * level:.4g} % interval of the posterior, in "
-        "black (white on a dark page) those of the fit: no bar where that is refused, or a bound holds the value.",
+        "black (white on a dark page) those of the fit: no bar where the value is not identifiable or at a bound.",
     )

@@ -398,7 +398,7 @@ def _parameter(p: Parameter, level: float) -> tuple[str, ...]:
     low, high = p.interval(level)
     half = number(0.5 * (high - low), p.standard_error) if high > low else "–"
     if p.refused:
-        half = "undetermined" if p.at_bound else "refused"
+        half = "undetermined" if p.at_bound else "not identifiable"
     return (
         p.name,
         number(p.value, p.standard_error),

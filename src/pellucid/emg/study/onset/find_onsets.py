@@ -162,7 +162,7 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
     return OnsetResult(
         study=study.name,
         headline=f"{len(bursts)} bursts of {len({e.muscle for e in found})} muscles in {used} "
-        f"recording{'' if used == 1 else 's'}; the interval of an onset is ±{1e3 * half:.0f} ms (median).",
+        f"recording{'' if used == 1 else 's'}; the confidence interval of an onset is ±{1e3 * half:.0f} ms (median).",
         tables=(_table(found),),
         verdicts=tuple(verdicts),
         confidence=table.confidence,

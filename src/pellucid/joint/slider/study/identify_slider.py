@@ -112,8 +112,9 @@ def axis_offsets_of(config: StudyFile, recordings: Sequence[Recording]) -> dict[
         missing = [name for name in FREE_CARRIAGE_CHANNELS if name not in recording.channels]
         if missing:
             raise IdentificationError(
-                f"{recording.name}: found no channel {', '.join(missing)}, expected in a recording of the protocol "
-                f'"{FREE_CARRIAGE_NAME}" {", ".join(FREE_CARRIAGE_CHANNELS)}'
+                f"{recording.name}: found no channel {', '.join(missing)}, expected "
+                f"{', '.join(FREE_CARRIAGE_CHANNELS)}: "
+                f'a recording with protocol = "{FREE_CARRIAGE_NAME}" needs them'
             )
         processing = config.processing_of(recording.name)
         cutoff = processing.lowpass or FREE_CARRIAGE_LOWPASS_HZ

@@ -163,7 +163,7 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
         figure,
         "Left: recorded orthosis (grey) and leg (black; white on a dark page), with the angle between them magnified "
         f"{PAGE_SETTINGS.mismatch_magnification:g} times. Right: angle between limb and orthosis of {who}, from the "
-        "IMU and from the identified strap under the torque of the orthosis's balance. "
+        "IMU and from the identified strap, under the torque that the orthosis's equation of motion gives. "
         + ("This swing was not fitted." if role == "heldout" else "This swing was fitted.")
         + (" The published equation contains no strap." if len(entries) > 2 else ""),
         ways,
@@ -243,7 +243,7 @@ def straps_figure(wearers: Mapping[str, WearerStages], level: float) -> Drawing:
     panels[0].set_ylim(len(names) - 0.5, -0.6)
     if both:
         key(panels[1], [("orthosis's side", colour("fitted")), ("limb's side", colour("load"))])
-    limb = " The interval from the limb's balance omits the error of its torque." if both else ""
+    limb = " The interval from the limb's torque balance omits the error of its torque." if both else ""
     return Drawing(
         "straps",
         figure,

@@ -211,7 +211,7 @@ def _verdicts(found: CouplingResult) -> Iterator[Verdict]:
         for note in stages.notes:
             yield Verdict("warning", f"{who}: {note}.")
     for who, why in found.refused.items():
-        yield Verdict("warning", f"{who}: refused. {why}.")
+        yield Verdict("warning", f"{who}: the strap was not identified. {why}.")
     for name, note in found.notes.items():
         yield Verdict("note", f"{name}: {note}.")
     for who, coupling in ((who, stages.coupling) for who, stages in wearers.items()):
@@ -249,7 +249,7 @@ def _rows(found: CouplingResult) -> Iterator[ResultRow]:
         yield row(name, _known(orthosis.mean_fit(linear=linear)), "%", "heldout", note)
         checks = orthosis.linear_checks if linear else orthosis.checks
         for recording, response in checks.items():
-            why = "refused: the simulation diverges" if response.diverges else ""
+            why = "not evaluated: the simulation diverges" if response.diverges else ""
             checksum = found.checksums.get(recording)
             yield row(f"{name}.{recording}", _known(response.fit), "%", "heldout", why, checksum=checksum)
     for who, stages in found.wearers.items():
@@ -260,7 +260,7 @@ def _rows(found: CouplingResult) -> Iterator[ResultRow]:
             compared = strap_beside_posterior(stages.coupling)
             yield from posterior_rows(f"{found.study}.{who}.coupling", compared, confidence, plain)
     for who, why in found.refused.items():
-        yield row(f"{who}.coupling.fit", None, "%", "heldout", f"refused: {why}")
+        yield row(f"{who}.coupling.fit", None, "%", "heldout", f"not identified: {why}")
 
 
 def _limb_rows(who: str, stages: WearerStages, row, parameter) -> Iterator[ResultRow]:
@@ -353,8 +353,8 @@ def _cards(found: CouplingResult) -> dict[str, ParameterCard]:
     add("orthosis", None, [by_name[name] for name in COVARIANCE_ORDER], alone.covariance, how, **places)
     for who, stages in found.wearers.items():
         fit, strap, limb = stages.coupling.orthosis_side, stages.coupling.strap, stages.limb
-        how = "output error on the IMU's angle, torque by the orthosis's balance; "
-        how += "the spring and the damper that do best"
+        how = "output error on the IMU's angle, torque by the orthosis's torque balance; "
+        how += "best spring and damper"
         add("coupling", who, [fit.stiffness, fit.damping], fit.covariance, how)
         if strap is not None:
             add(

@@ -432,8 +432,8 @@ def _verdicts(trials: list[HingeTrial], failures: dict[str, str], table: HingeTa
             degrees = {estimate: float(np.degrees(trial.scores[estimate].rms)) for estimate in SCORED_ANGLES}
             yield Verdict(
                 "good" if degrees["offline"] < 0.5 * degrees["gyroscopes"] else "note",
-                f"{who}: {degrees['offline']:.2f} deg RMS from {table.score_from:g} s on ({degrees['causal']:.2f} "
-                f"without later samples, {degrees['gyroscopes']:.2f} by gyroscopes alone).",
+                f"{who}: from {table.score_from:g} s on, the angle has an error of {degrees['offline']:.2f} deg RMS "
+                f"({degrees['causal']:.2f} from past samples only, {degrees['gyroscopes']:.2f} from gyroscopes alone).",
             )
             yield Verdict(
                 "note",
@@ -450,7 +450,7 @@ def _verdicts(trials: list[HingeTrial], failures: dict[str, str], table: HingeTa
         if trial.interpolated:
             yield Verdict("warning", f"{who}: {trial.interpolated} missing IMU samples were bridged.")
         if not trial.hinge.rested:
-            yield Verdict("note", f"{who}: no rest in the calibration, so gyroscope offsets were not read.")
+            yield Verdict("note", f"{who}: no rest in the calibration, so that gyroscope offsets were not measured.")
     for name, why in failures.items():
         yield Verdict("warning", f"{name} cannot be used: {why}.")
 

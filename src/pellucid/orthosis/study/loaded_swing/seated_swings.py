@@ -135,7 +135,7 @@ def evaluate_seated_swings(study: Study, tell: Callable[[str, float], None]) -> 
         Verdict(
             "note",
             "The torque is computed from motion: an estimator that sees acceleration can reproduce it without any EMG. "
-            "Flexors have no electrode and are excited by the flexing torque of the balance.",
+            "Flexors have no electrode: their excitation follows from the flexing part of that torque.",
         )
     )
     return found

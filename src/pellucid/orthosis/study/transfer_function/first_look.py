@@ -150,7 +150,10 @@ def _repeating(recording: Recording, signals: Sequence[np.ndarray | None], sampl
         edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
         runs = edges.reshape(-1, 2)
         if not len(runs):
-            raise IdentificationError(f"{where}: found no period of {samples} samples in the reference")
+            raise IdentificationError(
+                f"{where}: found no period of {samples} samples in the reference, expected the stated one: check "
+                "`period`"
+            )
         begin, end = (int(x) for x in runs[np.argmax(runs[:, 1] - runs[:, 0])])
         end += samples
     periods = (end - begin) // samples

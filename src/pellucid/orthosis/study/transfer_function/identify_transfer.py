@@ -209,7 +209,7 @@ def transfer_answer(found: TransferResult) -> Answer:
         AnswerPart(name, "yes" if r.fit >= least else "no", f"a fit of {r.fit:.1f} % on held-out data")
         for name, r in found.heldout.items()
     ]
-    parts += [AnswerPart(name, "cannot say", "refused") for name in found.refused]
+    parts += [AnswerPart(name, "cannot say", "not fitted") for name in found.refused]
     inside, outside = [f.responses[0].fit for f in found.single.values()], [r.fit for r in found.heldout.values()]
     good = sum(part.verdict == "yes" for part in parts)
     where = f"has a fit of {min(inside):.1f} to {max(inside):.1f} % on its own data"
@@ -298,7 +298,7 @@ def _rows(made: TransferResult, recordings: Sequence[Recording]) -> Iterator[Res
         split = "fitted" if r.use == "fit" else "heldout"
         own = ResultRow("", None, "%", "identify", split, r.checksum, left)
         if r.name in made.refused:
-            yield replace(own, id=f"{head}.fit.{r.name}", note=f"refused: {made.refused[r.name]}")
+            yield replace(own, id=f"{head}.fit.{r.name}", note=f"not fitted: {made.refused[r.name]}")
             continue
         out = made.heldout.get(r.name)
         if r.use != "fit":

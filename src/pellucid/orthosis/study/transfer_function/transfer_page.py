@@ -271,7 +271,7 @@ def _found(found: TransferResult) -> Section:
     tables = [Table(heads, tuple(rows), frozenset(range(1, len(heads))), "Every recording's transfer function.", True)]
     if found.refused:
         reasons = tuple(Row((name.replace("_", " "), typeset_sentence(why))) for name, why in found.refused.items())
-        tables.append(Table(("Recording", "Why it was refused"), reasons, wide=True))
+        tables.append(Table(("Recording", "Why it was not fitted"), reasons, wide=True))
     return Section("found", "What was found", tables=tuple(tables), drawings=(draw(fits, names, inside, outside),))
 
 
