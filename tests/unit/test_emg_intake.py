@@ -122,7 +122,7 @@ def test_emg_alone_is_a_study_of_muscles(tmp_path):
 
 
 def test_envelopes_of_too_few_muscles_are_refused_in_their_own_words(tmp_path):
-    t, x = bursts(seconds=6.0, channels=2)
+    t, _ = bursts(seconds=6.0, channels=2)
     envelopes = np.abs(np.sin(2.0 * t))[::10, None] * (1.0, 0.8)
     path = written(tmp_path / "walk.csv", ["time_s", "VL_percent", "BF_percent"], [t[::10], *(90.0 * envelopes.T)])
     with pytest.raises(UnfitRecordingError, match="the envelopes of 2 muscles, expected raw EMG"):
@@ -138,6 +138,31 @@ def test_a_maximal_contraction_is_a_maximum_only(tmp_path):
         "mvc_VL": True, "walk1": False, "walk2": False,
     }  # fmt: skip
     assert next(r for r in proposal.recordings if r.name == "mvc_VL").use == "fit"
+
+
+def held(seconds=8.0, muscle=0, level=3.0, seed=4):
+    """Return EMG, (n, 3) [V], in which one muscle holds a level over that of `bursts` for half of the time."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * RATE)) / RATE
+    size = np.full((len(t), 3), 5e-6)
+    size[(t > 0.25 * seconds) & (t < 0.75 * seconds), muscle] = 1e-4 * level
+    return t, size * rng.standard_normal(size.shape)
+
+
+def proposed_protocols(tmp_path, recordings):
+    names = ["time_s", "VL_mV", "RF_mV", "BF_mV"]
+    files = [written(tmp_path / f"rec_{i}.csv", names, [t, *(1e3 * x.T)]) for i, (t, x) in enumerate(recordings)]
+    return [r.protocol == "mvc" for r in propose_study(read_given(files), "s").recordings]
+
+
+def test_held_contractions_above_all_movement_are_maximal_by_their_shape(tmp_path):
+    walks = [bursts(seconds=8.0, seed=k) for k in range(2)]
+    assert proposed_protocols(tmp_path, [*walks, held(), held(muscle=2)]) == [False, False, True, True]
+
+
+def test_weak_contractions_and_contractions_alone_are_no_maxima(tmp_path):
+    assert proposed_protocols(tmp_path, [bursts(seconds=8.0), held(level=0.5)]) == [False, False]
+    assert proposed_protocols(tmp_path, [held(level=x) for x in (0.5, 1.0, 2.0)]) == [False] * 3
 
 
 def test_edf_of_two_rates_keeps_both(tmp_path):

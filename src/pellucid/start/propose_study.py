@@ -39,6 +39,7 @@ from .inference.emg_spectrum import swings_fast
 from .inference.encodings import decode_counts
 from .inference.gears import FoundGear, find_gear
 from .inference.locked_spring import LockedSpring, find_postures, spring_of_tables, with_locked_spring
+from .inference.maximal_contractions import find_maximal_contractions
 from .inference.motion_efforts import (
     DERIVATIVE_LIMITS,
     EFFORT_LIMITS,
@@ -321,7 +322,10 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     main = _without_foreign_interactions(_with_counts_of_positions(main), motion)
     streams = [_without_foreign_interactions(stream, motion) for stream in streams]
     main, streams = _without_idle_unknowns(main, drive), [_without_idle_unknowns(s, drive) for s in streams]
-    recordings = _all_fitted(recordings) if about_muscles else _held_out(recordings, main)
+    if about_muscles:
+        recordings = _all_fitted(_with_held_contractions(recordings, main))
+    else:
+        recordings = _held_out(recordings, main)
     asked, marked = select_questions(questions)
     worn = answers.get("worn", next((q.default for q in questions if q.key == "worn"), "no")) == "yes"
     robot_joints = None if person else _robot_joints(given, main)
@@ -1038,6 +1042,24 @@ def _protocol(path: Path) -> str | None:
     words = [w for w in words_of(path.stem) if not w.isdigit() and _PARTICIPANT_CODE.search(w) is None]
     text = "_".join(words[:6])
     return text if re.fullmatch(r"[a-z][a-z0-9_]{1,60}", text) else None
+
+
+def _with_held_contractions(recordings: Sequence[ProposedRecording], main: Layout) -> list[ProposedRecording]:
+    """Return the recordings of EMG alone, with those marked as maximal contractions whose shape tells them as such."""
+    emg = [role.column for role in main.channels if role.quantity == "emg"]
+    if len(emg) < len(main.channels) or main.roles.rate is None:
+        return list(recordings)
+    made = list(recordings)
+    for who in dict.fromkeys(r.participant for r in recordings):
+        own = [i for i, r in enumerate(recordings) if r.participant == who]
+        tables = [_own_names(recordings[i].table, main.tables[0]) for i in own]
+        samples = [{c: columns[c] for c in emg if c in columns} for columns in tables]
+        for place in find_maximal_contractions(samples, main.roles.rate):
+            recording = made[own[place]]
+            if recording.protocol != MAXIMAL_PROTOCOL:
+                why = "a maximal contraction, by its shape: a muscle stays above its peaks in movement. It only scales EMG"
+                made[own[place]] = replace(recording, protocol=MAXIMAL_PROTOCOL, why=why)
+    return made
 
 
 def _all_fitted(recordings: Sequence[ProposedRecording]) -> list[ProposedRecording]:
