@@ -801,19 +801,32 @@ def _is_person(main: Layout, layouts: Sequence[Layout]) -> bool:
 
 
 def is_about_muscles(layouts: Sequence[Layout]) -> bool:
-    """Whether EMG was recorded, and no effort of a drive or of a joint: a study of muscles alone."""
-    roles = [role for layout in layouts for role in layout.channels]
-    efforts = [role for role in roles if role.quantity in (*DRIVE_QUANTITIES, "moment")]
-    return any(role.quantity == "emg" for role in roles) and not efforts
+    """Whether EMG was recorded, and no effort of a drive or of a joint: a study of muscles alone.
+
+    The force of a contraction without motion is no effort of a joint.
+    """
+    quantities = {role.quantity for layout in layouts for role in layout.channels}
+    efforts = quantities & {*DRIVE_QUANTITIES, "moment"}
+    is_isometric = efforts == {"force"} and not quantities & {"position", "motor_position", "angle", "reference"}
+    return "emg" in quantities and (not efforts or is_isometric)
+
+
+LENGTH_UNITS = ("m", "cm", "mm", "um")
+"""Units of positions along a line."""
 
 
 def _of_muscles(layout: Layout, remarks: list[str]) -> Layout:
     """Return a layout of a study of muscles, which keeps EMG and the angles of the person only."""
-    others = [r for r in layout.channels if r.quantity not in ("emg", "position", "angle")]
+
+    def is_of_muscles(role: ColumnRole) -> bool:
+        # The position of a marker is no angle of a joint.
+        return role.quantity in ("emg", "angle") or (role.quantity == "position" and role.unit not in LENGTH_UNITS)
+
+    others = [r for r in layout.channels if not is_of_muscles(r)]
     if others:
         remarks.append(
-            f"{layout.tables[0].path.name}: {len(others)} channels of inertial sensors and other inputs are excluded, "
-            "because no joint effort was recorded with which to compare them"
+            f"{layout.tables[0].path.name}: {len(others)} channels of inertial sensors, forces and other inputs are "
+            "excluded, because no joint effort and motion were recorded with which to compare them"
         )
     taken: set[str] = set()
 
@@ -1057,7 +1070,7 @@ def _with_held_contractions(recordings: Sequence[ProposedRecording], main: Layou
         for place in find_maximal_contractions(samples, main.roles.rate):
             recording = made[own[place]]
             if recording.protocol != MAXIMAL_PROTOCOL:
-                why = "a maximal contraction, by its shape: a muscle stays above its peaks in movement. It only scales EMG"
+                why = "a maximal contraction, by its shape: a muscle stays above its peaks in movement"
                 made[own[place]] = replace(recording, protocol=MAXIMAL_PROTOCOL, why=why)
     return made
 

@@ -33,6 +33,7 @@ UNREAD_FORMATS: dict[str, tuple[str, str]] = {
     ".hebilog": ("a log of HEBI", "a MAT file or CSV, with hebi's load_log"),
     ".ulg": ("a log of PX4", "CSV: ulog2csv, of the package pyulog"),
     ".rec": ("a recording whose format the ending does not tell", "EDF or CSV"),
+    ".slk": ("a sheet in SYLK, as MyoResearch writes it", "CSV, from the same export"),
     ".xls": ("a workbook of Excel before 2007", ".xlsx or CSV"),
     ".xlsb": ("a binary workbook of Excel", ".xlsx or CSV"),
     ".pkl": ("a pickle, which may run a program when it is opened", ".npz, Parquet or CSV"),

@@ -52,6 +52,7 @@ from ._number_blocks import (
     text_of,
 )
 from ._row_streams import MAX_LABELS, ListCell, Words, parse_list, split_streams
+from ._spike2_text import CHANNEL_LINE, waveform_table
 from ._table_header import INDEX_NAME, TableHeader, counted_units, find_header, folded_key, stated_rate
 from ._wall_clock import is_stamp, stamp_seconds
 
@@ -154,6 +155,11 @@ def _whole_or_parts(path: Path, file: BinaryIO, end: int | None, *, arrow: bool)
         return read_table(path, io.BytesIO(start if plain is None else plain))
     if table_without_units(start[: start.rfind(b"\n") + 1]) is not None:
         plain = table_without_units(file.read() if end is None else file.read(end))
+        if plain is not None:
+            return read_table(path, io.BytesIO(plain))
+        file.seek(0)
+    if CHANNEL_LINE.encode() in start:
+        plain = waveform_table(file.read() if end is None else file.read(end))
         if plain is not None:
             return read_table(path, io.BytesIO(plain))
         file.seek(0)
@@ -734,7 +740,7 @@ def _header(
     has_names = above and not (delimiter is not None and all(delimiter not in line for _, line in above))
     if has_names and not _is_prose(above, split, width):
         return TableHeader(split[0], None, frozenset({0}))
-    if (described := _described_columns(comments, width)) is not None:
+    if (described := _described_columns(comments, width, is_last_empty)) is not None:
         return described
     if has_names or not above:
         for line in reversed(comments):
@@ -747,10 +753,16 @@ def _header(
     return TableHeader()
 
 
-def _described_columns(comments: list[str], width: int) -> TableHeader | None:
+def _sensor_name(sensor: str, label: str) -> str:
+    """Return a channel's label with the kind of its sensor before it, where the label does not contain it."""
+    return label if sensor.casefold() in label.casefold() or sensor.casefold() in ("", "raw") else f"{sensor} {label}"
+
+
+def _described_columns(comments: list[str], width: int, is_last_empty: bool) -> TableHeader | None:
     """Return the header that a comment in JSON states, as OpenSignals writes it; None without one.
 
-    It lists a name for each column, units for the last ones, and settings such as the sampling rate.
+    It lists a name for each column, units and sensors for the last ones, and settings such as the sampling rate. The
+    rows may end with a surplus delimiter.
     """
     for line in comments:
         bare = line.lstrip().lstrip("#%!/ ")
@@ -763,13 +775,21 @@ def _described_columns(comments: list[str], width: int) -> TableHeader | None:
         while len(said) == 1 and isinstance(inner := next(iter(said.values())), dict):
             said = inner
         lists = {folded_key(key): [str(x) for x in value] for key, value in said.items() if isinstance(value, list)}
-        names = next((value for key, value in lists.items() if key in COLUMN_KEYS and len(value) == width), None)
+        fits = {width, width - is_last_empty}
+        names = next((value for key, value in lists.items() if key in COLUMN_KEYS and len(value) in fits), None)
         if names is None:
             continue
-        units = next((value for key, value in lists.items() if key in ("unit", "units") and len(value) <= width), None)
+        own = len(names)
+        units = next((value for key, value in lists.items() if key in ("unit", "units") and len(value) <= own), None)
+        sensors = lists.get("sensor", [])
+        if len(sensors) < own:
+            # The last columns are the sensors'; a label such as A1 says nothing of what one of them measures.
+            names = [*names[: own - len(sensors)], *map(_sensor_name, sensors, names[own - len(sensors) :])]
         facts = {key: str(value) for key, value in said.items() if isinstance(value, (int, float, str))}
         comments.remove(line)
-        return TableHeader(names, units and [""] * (width - len(units)) + units, facts=facts)
+        surplus = [""] * (width - own)
+        texts = units and [*[""] * (own - len(units)), *units, *surplus]
+        return TableHeader([*names, *surplus], texts, facts=facts)
     return None
 
 

@@ -9,8 +9,10 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import re
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,13 +23,18 @@ import numpy as np
 from ..._errors import RecordingError
 from ..personal_fields import PersonalField, find_personal_columns
 from ..stated_units import unit_from_text
+from ._acquisition_structs import plain_signals
 from ._caps import require_few_columns, require_unpacked_size
 from ._columns import Columns
 from ._flatten import flatten
 from ._row_streams import MAX_LABELS, ListCell, Words, split_streams
+from ._signals import Signals
 from ._wall_clock import stamp_seconds
 
 ENDINGS = (".json", ".jsonl", ".ndjson")
+
+GZIP_SIGNATURE = b"\x1f\x8b"
+"""First bytes of a packed file."""
 
 MIN_ARRAY_SAMPLES = 8
 """An array over time has at least this many samples; a shorter one holds the values of several joints."""
@@ -47,11 +54,16 @@ _INDEX_NAMES = re.compile(r"\d+")
 def read(path: Path) -> Columns:
     """Return the numeric leaves of a JSON file by dotted path, each shape (n,) float64; booleans are 0 and 1."""
     try:
+        parsed = _parsed(path)
+        if isinstance(parsed, Mapping) and (plain := plain_signals(parsed)) is not None:
+            signals = Signals(path)
+            signals.add(plain, "")
+            return signals.columns()
         found = _Content(path)
-        found.add(_parsed(path), "")
+        found.add(parsed, "")
     except RecordingError:
         raise
-    except (ValueError, RecursionError) as error:
+    except (ValueError, RecursionError, EOFError, OSError, zlib.error) as error:
         raise RecordingError(f"{path.name}: not readable as JSON, truncated or damaged: {error}") from error
     return Columns(
         path,
@@ -65,7 +77,9 @@ def read(path: Path) -> Columns:
 
 def _parsed(path: Path) -> Any:
     """Return the value of a JSON file, or the list of values that its lines hold."""
-    text = path.read_text(encoding="utf-8-sig")
+    content = path.read_bytes()
+    # openhdemg packs its files and keeps their ending.
+    text = (gzip.decompress(content) if content.startswith(GZIP_SIGNATURE) else content).decode("utf-8-sig")
     try:
         # Integers are read as floats, because JSON allows integers of any length.
         return json.loads(text, parse_int=float)

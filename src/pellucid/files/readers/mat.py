@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError, install_command, missing_package
+from ._acquisition_structs import plain_signals
 from ._columns import Columns
 from ._hdf5 import is_matlab_object
 from ._signals import MAX_DEPTH, Signals
@@ -73,11 +74,12 @@ def read(path: Path) -> Columns:
 def _columns(path: Path, content: Mapping[Any, Any]) -> Columns:
     """Return the columns of a file's variables."""
     signals = Signals(path)
-    signals.add_file({
+    variables = {
         name: _with_plain_structs(value)
         for name, value in content.items()
         if isinstance(name, str) and not name.startswith("__")
-    })  # fmt: skip
+    }
+    signals.add_file(plain_signals(variables) or variables)
     return signals.columns()
 
 

@@ -414,7 +414,8 @@ class _Assignment:
         file_says = self.hints.quantity == "emg"
         for name in free:
             evidence, x = self.names[name], self.values[name]
-            said = evidence.quantity == "emg" or file_says
+            # Beside EMG a file may hold the force of the contraction.
+            said = evidence.quantity == "emg" or (file_says and evidence.quantity not in ("force", "torque"))
             raw = is_raw_emg(x, rate) or (self.rate is None and swings_fast(x))
             # A name of another quantity stands against the spectrum: a current has ripple, too.
             if raw and (said or (evidence.quantity in (None, "voltage", "position") and not _is_long_name(evidence))):

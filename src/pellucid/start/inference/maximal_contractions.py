@@ -40,9 +40,9 @@ class _Level:
 def find_maximal_contractions(recordings: Sequence[Mapping[str, np.ndarray]], rate: float) -> list[int]:
     """Return the places of the recordings that are maximal contractions, among those of one person and session.
 
-    Each recording has EMG by muscle, (n,), raw or as an envelope, at a `rate` [Hz]. A maximal contraction holds at least
-    one muscle above its peak in every recording of movement, of which there must be one: contractions that are all held
-    may be of any level.
+    Each recording has EMG by muscle, (n,), raw or as an envelope, at a `rate` [Hz]. A maximal contraction holds at
+    least one muscle above its peak in every recording of movement, of which there must be one: contractions that are
+    all held may be of any level.
     """
     levels = [{muscle: _level(x, rate) for muscle, x in each.items()} for each in recordings]
     tops: dict[str, float] = {}
