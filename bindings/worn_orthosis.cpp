@@ -62,7 +62,7 @@ class WornOrthosis {
     if (!command.is_none()) {
       const std::string commanded = pellucid::JointCompensation<double>::name;
       if (law != commanded)
-        throw nb::value_error(("command: found the law \"" + law + "\", expected \"" + commanded + "\"").c_str());
+        throw nb::value_error((std::string("command: found \"") + law + "\", expected \"" + commanded + "\"").c_str());
       command_.params = read_params<p::JointCompensationParams<double>, double>("law_parameters", law_parameters);
       command_.of_spring = true;
       command_.ask = [asked = nb::borrow(command)](double time, double position, double torque) {

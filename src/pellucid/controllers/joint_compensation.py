@@ -74,7 +74,8 @@ def _body_of(card: Card, slider: float | None, taken: Callable[[CardParameter], 
         model = card.model()
         if not isinstance(model, SliderJointModel):
             raise PellucidError(
-                f"card {card.family}: found separate parameters for each direction, which do not describe a rigid "
+                f"model card '{card.family}': found separate parameters for each direction, which do not describe a "
+                "rigid "
                 "body; expected slider.consistent.json or slider.load.json"
             )
         vector = model.vector(np.array([taken(p) for p in card.parameters]), place_on_rail(card, slider), 1.0)

@@ -46,7 +46,9 @@ def transparent(
     """
     model = card.model()
     if not isinstance(model, SliderJointModel):
-        raise PellucidError(f"card {card.family}: found one model for each direction, expected one model for both")
+        raise PellucidError(
+            f"model card '{card.family}': found one model for each direction, expected one model for both"
+        )
     values = np.array([carried(p) for p in card.parameters])
     body = dict(zip(NAMES, model.vector(values, slider, velocity_width), strict=True))
     return of_body(
@@ -203,13 +205,14 @@ def known_travel(card: SliderCard) -> float:
     measured = card.presliding_travel
     if measured is None:
         raise PellucidError(
-            f"card {card.family}: found no presliding_travel, expected one, because the amplitude of dither depends on "
+            f"model card '{card.family}': found no presliding_travel, expected one, because the amplitude of dither "
+            "depends on "
             'it. Record slow reversals (protocol = "reversals") and identify again, or use the controller transparent'
         )
     if not max(measured.value, measured.interval[1]) <= DITHER_TRAVEL:
         low, high = (1e3 * x for x in measured.interval)
         raise PellucidError(
-            f"card {card.family}: found a presliding_travel of {1e3 * measured.value:.2g} mrad ({low:.2g} to "
+            f"model card '{card.family}': found a presliding_travel of {1e3 * measured.value:.2g} mrad ({low:.2g} to "
             f"{high:.2g}), expected at most {1e3 * DITHER_TRAVEL:g} for dither, which does not prevent sticking over "
             "a larger displacement. Use the controller transparent"
         )

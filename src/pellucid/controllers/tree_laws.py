@@ -203,7 +203,7 @@ def carried(
     """
     _require_efforts(card)
     if len(card.links) > MOST_LINKS:
-        raise PellucidError(f"card {card.family}: found {len(card.links)} links, expected at most {MOST_LINKS}")
+        raise PellucidError(f"model card '{card.family}': found {len(card.links)} links, expected at most {MOST_LINKS}")
     end = card.bodies[-1] if end is None else end
     if end not in card.bodies:
         raise PellucidError(f"found the body {end!r}, expected one of {', '.join(card.bodies)}")
@@ -380,7 +380,9 @@ def reach_of(card: TreeCard, link: int | None = None, point: Sequence[float] = (
         low[k], high[k] = known.span(card.motion[k])
         found = known.seen_velocity or known.velocity
         if not found:
-            raise PellucidError(f"card {card.family}: found no speed of {name}, expected seen_velocity or velocity")
+            raise PellucidError(
+                f"model card '{card.family}': found no speed of {name}, expected seen_velocity or velocity"
+            )
         speed[k] = found
     postures = np.random.default_rng(POSTURE_SEED).uniform(low, high, (POSTURE_COUNT, m))
     weight = np.abs(tree.gravity(postures)).max(axis=0)
@@ -468,7 +470,8 @@ def _require_efforts(card: TreeCard) -> None:
     for name, unit in zip(card.names, card.effort_units, strict=True):
         if unit not in ("N*m", "N"):
             raise PellucidError(
-                f"card {card.family}: found efforts of {name} in {unit}, expected N*m or N: a law of several joints "
+                f"model card '{card.family}': found efforts of {name} in {unit}, expected N*m or N: a law of several "
+                "joints "
                 "adds them up; give the drive's gain in study.toml, or identify it with a known payload"
             )
 
