@@ -79,10 +79,30 @@ EIGENVALUE_TOLERANCE = 1e-12
 
 def pseudo_inertia(bodies: np.ndarray) -> np.ndarray:
     """P of bodies, shape (..., 10) in the order of `kinematic_tree.BODY`; gives (..., 4, 4) in SI."""
-    m, hx, hy, hz, xx, xy, xz, yy, yz, zz = np.moveaxis(np.asarray(bodies, float), -1, 0)
+    return _matrices(bodies, _pseudo_inertia_basis())
+
+
+def _matrices(bodies: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Return matrices, (..., 4, 4), that are linear in `bodies`, (..., 10), from that of each number, (10, 16)."""
+    bodies = np.asarray(bodies, float)
+    return (bodies @ basis).reshape(*bodies.shape[:-1], 4, 4)
+
+
+@cache
+def _pseudo_inertia_basis() -> np.ndarray:
+    """Return P of a unit of each of the ten numbers, (10, 16)."""
+    m, hx, hy, hz, xx, xy, xz, yy, yz, zz = np.eye(10)
     half = 0.5 * (xx + yy + zz)
     rows = [[half - xx, -xy, -xz, hx], [-xy, half - yy, -yz, hy], [-xz, -yz, half - zz, hz], [hx, hy, hz, m]]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    return np.array(rows).reshape(16, 10).T.copy()
+
+
+@cache
+def _reduced_basis() -> np.ndarray:
+    """Return the reduced P of a unit of each of the ten numbers, (10, 16)."""
+    p = pseudo_inertia(np.eye(10))
+    trace = p[:, 0, 0] + p[:, 1, 1] + p[:, 2, 2]
+    return (p - 0.5 * TRIANGLE_MARGIN * trace[:, None, None] * np.diag([1.0, 1.0, 1.0, 0.0])).reshape(10, 16)
 
 
 def bodies_from_pseudo_inertia(pseudo: np.ndarray) -> np.ndarray:
@@ -99,9 +119,7 @@ def reduced_pseudo_inertia(bodies: np.ndarray) -> np.ndarray:
 
     Where it is positive semidefinite, the principal moments keep the margin.
     """
-    p = pseudo_inertia(bodies)
-    trace = p[..., 0, 0] + p[..., 1, 1] + p[..., 2, 2]
-    return p - 0.5 * TRIANGLE_MARGIN * trace[..., None, None] * np.diag([1.0, 1.0, 1.0, 0.0])
+    return _matrices(bodies, _reduced_basis())
 
 
 def scaled_pseudo_inertia(bodies: np.ndarray) -> np.ndarray:

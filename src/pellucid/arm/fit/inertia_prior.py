@@ -285,8 +285,9 @@ def log_determinant(bodies: np.ndarray) -> float:
 def _log_determinant_slopes(values: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return slope, (10 links,), and negative curvature, (10 links, 10 links), of the log determinants of links."""
     inverse = np.linalg.inv(reduced_pseudo_inertia(values.reshape(-1, BODY_PARAMETER_COUNT)))
-    moved = np.einsum("iab,tbc->itac", inverse, basis)  # P^-1 E_t
-    each = np.einsum("itab,isba->its", moved, moved)
+    moved = inverse[:, None] @ basis  # P^-1 E_t, (links, 10, 4, 4)
+    shape = (len(moved), len(basis), -1)
+    each = moved.reshape(shape) @ moved.swapaxes(2, 3).reshape(shape).swapaxes(1, 2)
     curve = np.zeros((len(values), len(values)))
     for i, block in enumerate(each):
         at = slice(BODY_PARAMETER_COUNT * i, BODY_PARAMETER_COUNT * (i + 1))
