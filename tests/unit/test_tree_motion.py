@@ -24,6 +24,14 @@ def stopping(stops=6, seconds=1.0):
     return t, q, v, a
 
 
+def test_rows_have_the_angles_that_were_recorded():
+    """Efforts depend on angles by sines: a filter that changes an angle by one percent would look like a spring."""
+    t = np.arange(0.0, 40.0, 1.0 / FS)
+    slow = np.column_stack([1.0 + 0.5 * np.sin(2.0 * np.pi * 0.3 * t), np.cos(2.0 * np.pi * 1.5 * t)])
+    made = tree_motion_of(t, slow, np.zeros_like(slow), Filtering(lowpass=10.0, decimate=24, trim=100))
+    np.testing.assert_allclose(made.position[20:-20], slow[100:-100:24][20:-20], atol=2e-4)
+
+
 def test_rows_are_what_was_moved():
     t, q, v, a = stopping()
     drive = np.column_stack([np.sin(3 * t), np.cos(5 * t)])

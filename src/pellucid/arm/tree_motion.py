@@ -12,7 +12,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from .._errors import RecordingError
-from ..numerics.filters import central_difference, decimate, runs
+from ..numerics.filters import central_difference, runs, zero_phase_lowpass
 from ..numerics.motion import Filtering, JudgedData, lowpassed
 
 
@@ -28,6 +28,12 @@ class SegmentSettings:
 
 
 SEGMENT_SETTINGS = SegmentSettings()
+
+THINNING_CUTOFF_SHARE = 0.8
+"""Cut-off of the filter before samples are dropped, as a share of half the rate that is left."""
+
+THINNING_ORDER = 8
+"""Order of one pass of that filter. It is maximally flat (Butterworth)."""
 
 
 class CarriedPayload(Protocol):
@@ -227,8 +233,13 @@ def _between(stops: list[slice], moves: np.ndarray) -> np.ndarray:
 
 
 def _thinned(samples: np.ndarray, rate: float, filtering: Filtering) -> np.ndarray:
-    """Return every n-th sample, without a second filter if the low-pass already prevents aliasing."""
+    """Return every n-th sample, without a second filter if the low-pass already prevents aliasing.
+
+    Efforts depend on angles by sines. A filter with ripple, which changes every angle by about one percent, would
+    therefore not commute with the model, and the error would look like a spring.
+    """
     factor = filtering.decimate
-    if filtering.lowpass is not None and filtering.lowpass <= 0.25 * rate / factor:
+    if factor == 1 or (filtering.lowpass is not None and filtering.lowpass <= 0.25 * rate / factor):
         return samples[::factor]
-    return decimate(samples, factor)
+    cutoff = THINNING_CUTOFF_SHARE * 0.5 * rate / factor
+    return zero_phase_lowpass(samples, cutoff, THINNING_ORDER, rate)[::factor]
