@@ -62,21 +62,48 @@ class FlippedJoint:
     stated: bool = False  # whether the evidence comes from the stated bodies
 
 
-def friction_power_shares(robot: Robot, motions: Sequence[TreeMotion]) -> np.ndarray:
+def friction_power_shares(
+    robot: Robot, motions: Sequence[TreeMotion], zeros: np.ndarray | None = None
+) -> np.ndarray:
     """Return the power that friction dissipates at each joint, divided by RMS effort times RMS speed, shape (m,).
 
-    A negative share means that the sign of effort or velocity is wrong.
+    A negative share means that the sign of effort or velocity is wrong, unless springs in parallel to the drives
+    explain the efforts better than other signs do. Joints are flipped about their `zeros`, (m,), by default 0.
     """
     rows, count = thinned(motions, SIGN_THRESHOLDS.sign_row_count), len(robot.names)
-    return _dissipated_power(robot, rows, np.ones((2, count)), np.zeros(count), effort_weights(rows))
+    signs, zeros, weights = np.ones((2, count)), np.zeros(count) if zeros is None else zeros, effort_weights(rows)
+    shares = _dissipated_power(robot, rows, signs, zeros, weights)
+    if shares.min() < -SIGN_THRESHOLDS.motor_power_threshold and _are_springs_likelier(robot, rows, zeros, weights):
+        return _dissipated_power(robot, rows, signs, zeros, weights, springs=True)
+    return shares
 
 
-def _dissipated_power(robot: Robot, rows, signs, zeros, weights) -> np.ndarray:
+def _are_springs_likelier(robot: Robot, rows, zeros, weights) -> bool:
+    """Return whether springs in parallel to the drives explain the efforts decisively, and better than any joint with
+    the other sign of gear or drive does."""
+    stated = np.ones((2, len(robot.names)))
+    before, after = (solve_with_signs(robot, rows, stated, zeros, weights, springs=x)[1] for x in (False, True))
+    if before <= SIGN_THRESHOLDS.decisive_ratio * after:
+        return False
+    flipped = (solve_with_signs(robot, rows, s, zeros, weights)[1] for _, s in _single_flips(stated))
+    return after < min(flipped)
+
+
+def _single_flips(signs: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield each joint that has its stated signs, (2, m), with the signs of either its gear or its drive reversed."""
+    for k in np.flatnonzero((signs > 0.0).all(axis=0)):
+        for turned in ([-1.0, 1.0], [1.0, -1.0]):
+            other = signs.copy()
+            other[:, k] = turned
+            yield int(k), other
+
+
+def _dissipated_power(robot: Robot, rows, signs, zeros, weights, springs: bool = False) -> np.ndarray:
     """Return the friction power shares, (m,), for other `signs`, (2, m), of gears and drives."""
-    theta, _ = solve_with_signs(robot, rows, signs, zeros, weights)
-    first = 10 * len(robot.tree.order)
-    own = theta[first : first + 4 * len(robot.names)].reshape(-1, 4)[:, 1:3]
-    of_motors = theta[first + 4 * len(robot.names) :].reshape(-1, 3)[:, 1:]
+    theta, _ = solve_with_signs(robot, rows, signs, zeros, weights, springs=springs)
+    first, width = 10 * len(robot.tree.order), 4 + springs
+    own = theta[first : first + width * len(robot.names)].reshape(-1, width)[:, 1:3]
+    of_motors = theta[first + width * len(robot.names) :].reshape(-1, 3)[:, 1:]
     turns = _signed_turns(robot, signs)
     made = [_arguments(robot, row, signs, zeros)[:2] for row in rows]
     shares = np.zeros(len(own))
@@ -127,12 +154,7 @@ def find_flipped_joints(
     weights, signs = effort_weights(rows), np.ones((2, len(robot.names)))  # signs of gears and of drives
     left = solve_with_signs(robot, rows, signs, zeros, weights)[1]
     for _ in robot.names:
-        tried = []
-        for k in np.flatnonzero((signs > 0.0).all(axis=0)):
-            for turned in ([-1.0, 1.0], [1.0, -1.0]):
-                other = signs.copy()
-                other[:, k] = turned
-                tried.append((solve_with_signs(robot, rows, other, zeros, weights)[1], k, other))
+        tried = [(solve_with_signs(robot, rows, s, zeros, weights)[1], k, s) for k, s in _single_flips(signs)]
         # A fit in which friction creates energy is no improvement.
         better = (one for one in sorted(tried, key=lambda one: one[0]) if left >= SIGN_THRESHOLDS.hint_ratio * one[0])
         chosen = next(
@@ -143,7 +165,7 @@ def find_flipped_joints(
             ),
             None,
         )
-        if chosen is None:
+        if chosen is None or (not found and _are_springs_likelier(robot, rows, zeros, weights)):
             break
         best, k, other = chosen
         ratio, is_explained = left / best, False
@@ -196,8 +218,9 @@ def _signed_turns(robot: Robot, signs: np.ndarray) -> np.ndarray:
     return np.where(np.eye(len(stated_turns)) > 0.0, stated_turns, signs[0][:, None] * stated_turns)
 
 
-def _arguments(robot: Robot, row: TreeMotion, signs: np.ndarray, zeros: np.ndarray):
-    """Return motion, efforts and friction columns with other `signs`, (2, m), of gears and of drives."""
+def _arguments(robot: Robot, row: TreeMotion, signs: np.ndarray, zeros: np.ndarray, springs: bool = False):
+    """Return motion, efforts, and columns of friction and `springs`, with other `signs`, (2, m), of gears and of
+    drives."""
     stated_turns, (gear, drive), turns = robot.turns_array, signs, _signed_turns(robot, signs)
     moved = np.linalg.solve(turns, gear[:, None] * stated_turns)
     effort = np.linalg.solve(stated_turns.T, row.effort.T).T * (gear * drive) @ turns
@@ -208,16 +231,20 @@ def _arguments(robot: Robot, row: TreeMotion, signs: np.ndarray, zeros: np.ndarr
         for c, b in [(v @ turns[i], a @ turns[i])]
         for x in (b, c, np.sign(c))
     ]
-    own = np.stack([a, v, np.sign(v), np.ones_like(v)], axis=-1)
+    own = np.stack([a, v, np.sign(v), np.ones_like(v), *([q] if springs else [])], axis=-1)
     return (q, v, a), effort, {"own": own, "shared": np.stack(shared, axis=-1) if shared else None}
 
 
-def solve_with_signs(robot: Robot, rows, signs, zeros, weights, stated: bool = False) -> tuple[np.ndarray, float]:
-    """Solve least squares over all rows with free or `stated` bodies; return parameters and weighted squared
-    residual."""
+def solve_with_signs(
+    robot: Robot, rows, signs, zeros, weights, stated: bool = False, springs: bool = False
+) -> tuple[np.ndarray, float]:
+    """Solve least squares over all rows with free or `stated` bodies, and `springs` in parallel to the drives.
+
+    Returns the parameters and the weighted squared residual.
+    """
     normal, projected, whole = 0.0, 0.0, 0.0
     for row in rows:
-        motion, effort, columns = _arguments(robot, row, signs, zeros)
+        motion, effort, columns = _arguments(robot, row, signs, zeros, springs)
         n, p, _ = robot.tree.core.normal_equations(*motion, effort, weight=row.moving * weights, **columns)
         normal, projected = normal + n, projected + p
         whole += float((effort**2 * row.moving * weights).sum())
@@ -581,7 +608,10 @@ class EffortMixup:
 
 
 def find_effort_mixup(robot: Robot, motions: Sequence[TreeMotion]) -> EffortMixup | None:
-    """Return the mistake that explains the efforts of several joints best; None if none explains them far better."""
+    """Return the mistake that explains the efforts of several joints best.
+
+    The result is None if no mistake explains them far better, and better than springs in parallel to the drives.
+    """
     count = len(robot.names)
     if count < 2:
         return None
@@ -603,7 +633,8 @@ def find_effort_mixup(robot: Robot, motions: Sequence[TreeMotion]) -> EffortMixu
         if 0 < best < len(TRIED_GAINS) - 1 and abs(np.log(TRIED_GAINS[best])) > MIXUP_THRESHOLDS.min_gain_difference:
             tried.append(EffortMixup((k,), float(TRIED_GAINS[best]), before / max(float(left[best]), 1e-300)))
     found = max(tried, key=lambda each: each.ratio)
-    return found if found.ratio > MIXUP_THRESHOLDS.min_residual_ratio else None
+    sprung = before / max(_residual(robot, rows, springs=True), 1e-300)
+    return found if found.ratio > max(MIXUP_THRESHOLDS.min_residual_ratio, sprung) else None
 
 
 def _scaled(rows: Sequence[TreeMotion], joint: int, gain: float) -> list[TreeMotion]:
@@ -612,7 +643,7 @@ def _scaled(rows: Sequence[TreeMotion], joint: int, gain: float) -> list[TreeMot
     return [replace(row, effort=row.effort * gains) for row in rows]
 
 
-def _residual(robot: Robot, rows: Sequence[TreeMotion]) -> float:
+def _residual(robot: Robot, rows: Sequence[TreeMotion], springs: bool = False) -> float:
     """Return the squared residual over all joints, each in shares of its own mean square effort."""
     signs, zeros = np.ones((2, len(robot.names))), np.zeros(len(robot.names))
-    return solve_with_signs(robot, rows, signs, zeros, effort_weights(rows))[1]
+    return solve_with_signs(robot, rows, signs, zeros, effort_weights(rows), springs=springs)[1]

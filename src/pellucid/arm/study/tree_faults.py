@@ -198,8 +198,9 @@ def _together(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iter
 def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
     """Yield faults of efforts with the wrong sign, and of flipped joints."""
     fitted = fitted_without_payload(motions)
-    shares = friction_power_shares(robot, fitted)
     joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
+    zeros = np.array([joints[name].zero if joints[name].turns else _offset(study, robot, name) for name in robot.names])
+    shares = friction_power_shares(robot, fitted, zeros)
     wrong = np.flatnonzero(shares < -SIGN_THRESHOLDS.motor_power_threshold)
     # A torque sensor at the joint sees little of its friction, a motor all of it.
     motors = np.array([bool(joints[name].turns) or joints[name].drive.kind != "torque" for name in robot.names])
@@ -228,7 +229,6 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
             "refuse", "sign", _files(study), "", found, "the opposite sign of all drive channels, or of gravity"
         )
         return
-    zeros = np.array([joints[name].zero if joints[name].turns else _offset(study, robot, name) for name in robot.names])
     stated = (urdf is None or urdf.has_bodies) and all(fitted[0].gain_known)
     for turned in find_flipped_joints(robot, fitted, zeros, stated):
         name = robot.names[turned.joint]
