@@ -43,6 +43,7 @@ DOORS = {
     ("emg", "controllers.export.c_folder"): "an estimator is exported from the templates of controllers",
     ("emg", "controllers.export.controller_exporter"): "an estimator runs with a period as a controller does",
     ("emg", "controllers.export.replay_vector"): "an exported estimator has a test vector as a controller has",
+    ("arm", "joint.fit"): "causes at the joints of an arm are decided as those of a single joint",
     ("orthosis", "controllers.coupling"): "the law of a worn orthosis is designed for its coupling",
     ("orthosis", "controllers.export.controller_exporter"): "the law of a worn orthosis is exported",
     ("orthosis", "controllers.export.controller_values"): "the law of a worn orthosis is exported",

@@ -97,9 +97,16 @@ def played(seed: int, payload: float = 0.0) -> np.ndarray:
     return made
 
 
-def arm_study(folder: Path, *, validate: bool = True, payload: float | None = None, gain: float | None = None) -> Path:
+def arm_study(
+    folder: Path,
+    *,
+    validate: bool = True,
+    payload: float | None = None,
+    gain: float | None = None,
+    spring: float = 0.0,
+) -> Path:
     """A study's folder: one recording to be fitted, one to be judged by, and one with a payload [kg]; with a `gain`
-    efforts are recorded as currents, and nobody says it [N m/A]."""
+    efforts are recorded as currents, and nobody says it [N m/A]. A `spring` acts at the elbow [N m/rad]."""
     (folder / "recordings").mkdir(parents=True)
     recordings = [("sweep", "fit", 1, 0.0)]
     recordings += [("check", "validate", 2, 0.0)] if validate else []
@@ -110,6 +117,7 @@ def arm_study(folder: Path, *, validate: bool = True, payload: float | None = No
     text = TOML.format(inertia=str(INERTIA).replace("'", '"'), kind=kind, constant=constant, channel=channel, unit=unit)
     for name, use, seed, carried in recordings:
         samples = played(seed, carried)
+        samples[:, 4] += spring * samples[:, 2]
         samples[:, 3:] /= gain or 1.0
         np.savetxt(
             folder / f"recordings/{name}.csv", samples, delimiter=",", header="t,q1,q2,u1,u2", comments="", fmt="%.9g"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid.joint.fit.causes import CAUSE_NAMES, Cause
 from pellucid.joint.study.fit_joint import JointFit
-from pellucid.joint.study.joint_causes import WORDS, cause_sentence
+from pellucid.models.causes import CAUSE_NAMES, Cause
+from pellucid.study.cause_words import WORDS, cause_sentence
 
 RATE = 200.0
 INERTIA, GRAVITY, VISCOUS, COULOMB = 0.06, 2.2, 0.11, 0.22

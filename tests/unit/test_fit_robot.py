@@ -76,6 +76,57 @@ def test_friction_passes_the_filter_of_the_effort(robot):
             assert plain[f"{joint}.{name}"].value == pytest.approx(true, rel=0.02)
 
 
+def sprung(robot, seed, joint, stiffness):
+    recorded = swing(robot, seed)
+    recorded["effort"][:, joint] += stiffness * (recorded["position"][:, joint] - 0.1)
+    return recorded
+
+
+@pytest.mark.parametrize(("joint", "stiffness"), [(1, 0.3), (1, 2.5), (0, 2.0)])
+def test_a_parallel_spring_is_named_with_its_joint_and_is_no_gravity(robot, fit, joint, stiffness):
+    """A spring at the elbow of 2.5 N*m/rad exceeds the elbow's gravity, and is no effort of the other sign."""
+    options = OPTIONS | {"plain": False}
+    found = pl.fit_robot(robot, [sprung(robot, seed, joint, stiffness) for seed in (1, 2)], held_out=[1], **options)
+    (cause,) = found.causes
+    assert (cause.name, cause.joint, cause.unit) == ("parallel_spring", NAMES[joint], "N*m/rad")
+    low, high = found[f"{NAMES[joint]}.parallel_stiffness"].interval(0.95)
+    assert low <= stiffness <= high
+    assert (cause.size, 2.0 * cause.half_width) == pytest.approx((0.5 * (low + high), high - low))
+    assert 0.1 < cause.share <= 1.0
+    assert found.heldout_effort_error < 1.0
+    assert found["fore.moment_z"].value == pytest.approx(fit["fore.moment_z"].value, rel=0.02)
+    said = f"At {NAMES[joint]}, a parallel spring of "
+    assert said in str(found)
+    assert f"{100.0 * cause.share:.0f} % of the residual" in str(found)
+    with pytest.raises(PellucidError, match=f"simulate: found a parallel spring at {NAMES[joint]}"):
+        found.simulate(np.arange(0.0, 1.0, 1e-3), np.zeros((1000, 2)))
+
+
+def test_a_plain_robot_has_no_cause_and_one_with_a_late_effort_has(robot, fit):
+    assert fit.causes == ()
+    recorded = swing(robot, 1)
+    late = recorded["effort"].copy()
+    late[4:, 1] = recorded["effort"][:-4, 1]
+    (cause,) = pl.fit_robot(robot, recorded | {"effort": late}, **(OPTIONS | {"plain": False})).causes
+    assert (cause.name, cause.joint, cause.unit) == ("delay", "elbow", "s")
+    assert cause.size == pytest.approx(4.0 / RATE, rel=0.25)
+
+
+@pytest.mark.parametrize("spoil", ["drift", "position_friction", "saturation"])
+def test_what_else_is_wrong_at_a_joint_is_named(robot, spoil):
+    recorded = swing(robot, 1)
+    time, position, effort = (recorded[key] for key in ("time", "position", "effort"))
+    speed = np.gradient(position[:, 1], time)
+    if spoil == "drift":
+        effort[:, 1] += 0.5 * time / time[-1]
+    elif spoil == "position_friction":
+        effort[:, 1] += 0.5 * np.tanh(speed / 0.01) * position[:, 1]
+    else:
+        effort[:, 1] = np.clip(effort[:, 1], -1.6, 1.6)
+    causes = pl.fit_robot(robot, recorded, **(OPTIONS | {"plain": False})).causes
+    assert [(cause.name, cause.joint) for cause in causes] == [(spoil, "elbow")]
+
+
 def test_no_bodies_cost_less_than_the_nearest_ones(robot):
     """A spring at the elbow asks for bodies that cannot be. Those near the description are not the nearest ones."""
     recorded = swing(robot, 1)

@@ -14,6 +14,7 @@ from pellucid.arm.study import tree_findings, tree_page
 from pellucid.arm.study.tree_result import MODEL_DESCRIPTIONS, in_drive_units
 from pellucid.models.estimates import Parameter
 from pellucid.models.tree_card import read_tree_card
+from pellucid.study.cause_words import cause_sentence
 from pellucid.study.procedures.compare import compare
 
 
@@ -150,6 +151,31 @@ def test_each_joint_has_an_answer_in_every_output(study, found):
     page = tree_page.page(study, found)
     assert any(section.id == "joints" and section.tables for section in page.sections)
     assert "The model predicts 2 of 2 joints" in page.said
+
+
+@pytest.mark.parametrize(("gain", "unit"), [(None, "N*m/rad"), (2.0, "A/rad")])
+def test_a_spring_at_a_joint_is_a_cause_in_every_output(tmp_path, gain, unit):
+    """It exceeds the elbow's gravity, which must not look like an effort of the other sign."""
+    study = pl.open(arm_study(tmp_path / "arm", spring=4.0, gain=gain))
+    found = pl.identify(study)
+    (cause,) = found.causes
+    assert (cause.name, cause.joint, cause.unit) == ("parallel_spring", "elbow", unit)
+    assert cause.size == found["elbow.parallel_stiffness"].value == pytest.approx(4.0 / (gain or 1.0), rel=0.03)
+    rows = {row.id: row for row in found.rows}
+    row = rows[f"{found.study}.cause.elbow.parallel_spring"]
+    assert (row.value, row.unit, row.note) == (cause.size, cause.unit, cause_sentence(cause))
+    assert rows[f"{found.study}.cause.elbow.parallel_spring.share"].value == cause.share
+    assert row.note.startswith("At elbow, a parallel spring of ")
+    assert row.note in [verdict.text for verdict in found.verdicts]
+    said = " ".join(str(found).split())
+    assert row.note in said
+    assert "At elbow, a parallel spring of " in pl.report(study, found).read_text(encoding="utf-8")
+    assert found.fit.causes == found.causes
+    assert [answer.verdict for answer in found.joint_answers] == ["yes", "yes"]
+
+
+def test_a_plain_arm_has_no_cause(found):
+    assert found.causes == ()
 
 
 def test_a_result_predicts_simulates_and_scores(found):

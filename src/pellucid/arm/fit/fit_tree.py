@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...models.causes import Cause
 from ...models.estimates import Parameter
 from ...models.robot import Robot
 from ...numerics.motion import require_fitted
@@ -33,6 +34,7 @@ from ...numerics.regression import make_parameters
 from ...numerics.uncertainty import BLOCK_SETTINGS, correlation_time, student_to_normal_ratio
 from ..tree_motion import TreeMotion
 from .friction_terms import FURTHER_MOTOR_TERMS, FURTHER_TERMS, STRIBECK_VELOCITY_NAME, plain_families
+from .joint_causes import find_joint_causes, find_parallel_springs
 from .tree_estimate import BaseParameters, TreeEstimate
 from .tree_families import FamilyChoice, SpectralLine, choose_families, choose_ripples
 from .tree_regression import (
@@ -364,6 +366,8 @@ class TreeIdentification:
         Jackknife check of the best estimate's standard errors.
     heldout : mapping of str to ndarray
         Errors of "base" and "best" on held-out recordings, (m,) [%].
+    causes : tuple of Cause
+        Causes of what the best estimate misses at each joint, springs among its terms included.
     """
 
     rows: TreeRows
@@ -376,6 +380,7 @@ class TreeIdentification:
     maker_out: SegmentsOut | None
     jackknife: SegmentJackknife | None
     heldout: dict[str, np.ndarray]
+    causes: tuple[Cause, ...]
 
 
 def identify_tree(
@@ -401,6 +406,7 @@ def identify_tree(
     choice, lines, found, at = fit_best_model(rows, rate, terms, ripple)
     sure = estimate_uncertainty(at, found)
     best = make_tree_estimate("best", rows, found, at, uncertainty=sure, notes=_notes(rows, choice, at.model))
+    causes = find_joint_causes(at, found, best, choice.springs)
     base_out = best_out = maker_out = jackknife = None
 
     def choose_and_fit(part: TreeRows) -> tuple[TreeModel, TreeSolution]:
@@ -416,7 +422,8 @@ def identify_tree(
         maker_out = cross_validate_segments(maker, lambda part: (friction, fit_rows(friction, part)[0]))
         maker_out = replace(maker_out, errors=maker_out.errors * maker.size / rows.size)
     heldout = {e.name: heldout_errors(e, judged) for e in (base, best)} if judged else {}
-    return TreeIdentification(rows, base, best, choice, lines, base_out, best_out, maker_out, jackknife, heldout)
+    outs = base_out, best_out, maker_out
+    return TreeIdentification(rows, base, best, choice, lines, *outs, jackknife, heldout, causes)
 
 
 def plain_model(rows: TreeRows) -> TreeModel:
@@ -427,10 +434,17 @@ def plain_model(rows: TreeRows) -> TreeModel:
 def fit_best_model(
     rows: TreeRows, rate: float, terms: Sequence[str] = FURTHER_TERMS + FURTHER_MOTOR_TERMS, ripple: bool = True
 ) -> tuple[FamilyChoice, Sequence[SpectralLine], TreeSolution, LinearisedModel]:
-    """Choose friction `terms`, and `ripple` if requested, within `rows` at `rate` [Hz], and fit the model."""
+    """Choose friction `terms`, springs, and `ripple` if requested, within `rows` at `rate` [Hz], and fit the model."""
     choice = choose_families(rows, terms)
     model = TreeModel(rows.robot, rows.base, choice.families, choice.speeds)
     found, at = fit_rows(model, rows)
+    springs: dict[int, float] = {}
+    # A spring at one joint may hide one at another, and what looked like friction without it.
+    while new := find_parallel_springs(at, found):
+        springs |= new
+        choice = replace(choose_families(rows, terms, sprung=springs), springs=springs)
+        model = TreeModel(rows.robot, rows.base, choice.families, choice.speeds)
+        found, at = fit_rows(model, rows)
     ripples, lines = choose_ripples(at, found, rate) if ripple else ((), ())
     if ripples:
         model = replace(model, ripples=ripples)

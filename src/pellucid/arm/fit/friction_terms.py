@@ -1,4 +1,4 @@
-"""Friction terms of a joint: their regressor columns, and the core's parameters for them.
+"""Friction terms and parallel spring of a joint: their regressor columns, and the core's parameters for them.
 
 A family is a tuple of terms; every joint has at least those of `PLAIN_TERMS`. A load term makes friction alpha |y|
 sign(v), with y the load that bodies, rotors and motor inertias need. Terms of a motor that turns with several joints
@@ -7,7 +7,7 @@ begin with ``motor_`` and belong to the family of the joint with the motor's num
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,7 @@ from ...models.friction_terms import (
     FrictionTerm,
     grows_with_load,
 )
+from ...models.joint import PARALLEL_STIFFNESS
 from ..tree_motion import TreeMotion
 
 PLAIN_TERMS = ("viscous", "coulomb", "offset")
@@ -60,6 +61,7 @@ class FrictionCoefficient:
     targets: tuple[str, ...] = ()  # numbers of the core that take its value; empty: the one of the same name
     grows_with_load: bool = False  # whether its column is multiplied by |y| where it is used
     is_linear: bool = False  # whether a filter of the speed is a filter of the column
+    of_position: bool = False  # whether the column is one of the position, and no friction
 
     @classmethod
     def from_term(
@@ -72,6 +74,8 @@ class FrictionCoefficient:
 
     def rows(self, motion: TreeMotion, turn: np.ndarray, width: float, speed: float) -> np.ndarray:
         """Return the column, (n,), of the speed velocity @ `turn` of a motion, filtered as its effort is."""
+        if self.of_position:
+            return motion.position @ turn
         if self.is_linear:
             return self.column(motion.velocity @ turn, width, speed)
         return motion.friction(lambda v: self.column(v, width, speed), turn)
@@ -90,6 +94,9 @@ def signed_root(velocity: np.ndarray, width: float = 0.0) -> np.ndarray:
 EFFORT_UNITS = ("N*m", "N")
 """Units of effort, for a rotary and a prismatic joint."""
 
+STIFFNESS_UNITS = ("N*m/rad", "N/m")
+"""Units of the stiffness of a spring in parallel with a joint's drive, for a rotary and a prismatic joint."""
+
 ROTOR_INERTIA_UNITS = ("kg*m^2", "kg")
 """Units of a rotor inertia, for a rotary and a prismatic joint."""
 
@@ -106,8 +113,11 @@ FRICTION_COEFFICIENTS: Mapping[str, FrictionCoefficient] = {
     LOAD_FEATURE: FrictionCoefficient.from_term(
         LOAD_FRICTION, lambda v, w, _: smooth_sign(v, w), upper=MAX_LOAD_COEFFICIENT
     ),
+    PARALLEL_STIFFNESS: FrictionCoefficient(
+        lambda q, w, _: q, STIFFNESS_UNITS, lower=-np.inf, is_linear=True, of_position=True
+    ),
 }
-"""Friction coefficients by name. The column of ``load`` is multiplied by |y| where it is used."""
+"""Coefficients of a joint by name. The column of ``load`` is multiplied by |y| where it is used."""
 
 TERM_COEFFICIENTS: Mapping[str, tuple[str, ...]] = {
     **{name: (name,) for name in FRICTION_COEFFICIENTS if name not in VISCOUS_FRICTION.targets},
@@ -128,7 +138,7 @@ def coefficient_names(family: Sequence[str], of_motor: bool = False) -> tuple[st
     if DIRECTIONAL_FEATURE in terms:
         terms = [t for t in terms if t != VISCOUS_FRICTION.name]
     for term in terms:
-        if term not in TERM_COEFFICIENTS or (of_motor and term in ("offset", LOAD_FEATURE)):
+        if term not in TERM_COEFFICIENTS or (of_motor and term in ("offset", LOAD_FEATURE, PARALLEL_STIFFNESS)):
             known = ", ".join((*TERM_COEFFICIENTS, *SHARED_MOTOR_TERMS, *FURTHER_MOTOR_TERMS))
             name = f"{MOTOR_PREFIX}{term}" if of_motor else term
             raise IdentificationError(f"found friction term {name!r}, expected some of {known}")
@@ -150,15 +160,18 @@ def check_families(families: Sequence[Sequence[str]], joints: Sequence[str], sha
             )
 
 
-def plain_families(joints: int, shared: Sequence[int]) -> tuple[tuple[str, ...], ...]:
-    """Return the plain friction terms of every joint, with those of shared motors."""
-    return tuple(PLAIN_TERMS + SHARED_MOTOR_TERMS if k in shared else PLAIN_TERMS for k in range(joints))
+def plain_families(joints: int, shared: Sequence[int], sprung: Collection[int] = ()) -> tuple[tuple[str, ...], ...]:
+    """Return the plain friction terms of every joint, those of shared motors, and the springs of `sprung` joints."""
+    return tuple(
+        PLAIN_TERMS + SHARED_MOTOR_TERMS * (k in shared) + (PARALLEL_STIFFNESS,) * (k in sprung) for k in range(joints)
+    )
 
 
 def sum_friction(
     numbers: Mapping[str, float], velocity: np.ndarray, load: np.ndarray | None, width: float = 0.0
 ) -> np.ndarray:
     """Return the friction, (n,), of named coefficients at velocities and loads of shape (n,)."""
+    numbers = {name: value for name, value in numbers.items() if name != PARALLEL_STIFFNESS}
     return _sum_columns(numbers, lambda each, speed: each.column(velocity, width, speed), load, len(velocity))
 
 
@@ -206,7 +219,11 @@ def core_parameters(numbers: Mapping[str, float], names: Sequence[str], width: f
 
 
 def joint_core_parameters(numbers: Mapping[str, float], width: float, who: str) -> np.ndarray:
-    """Return the core's parameters of a joint, in the order of `_core.TREE_JOINT_PARAMETER_NAMES`."""
+    """Return the core's parameters of a joint, in the order of `_core.TREE_JOINT_PARAMETER_NAMES`.
+
+    They contain no parallel spring.
+    """
+    numbers = {name: value for name, value in numbers.items() if name != PARALLEL_STIFFNESS}
     return core_parameters(numbers, _core.TREE_JOINT_PARAMETER_NAMES, width, who)
 
 

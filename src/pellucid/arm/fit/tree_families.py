@@ -29,8 +29,8 @@ segments, by the same test as friction terms.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -93,6 +93,7 @@ class FamilyChoice:
     families: tuple[tuple[str, ...], ...]  # terms of each joint
     speeds: dict[int, float]  # Stribeck velocity by joint [rad/s or m/s]
     taken: tuple[AddedTerm, ...]  # added terms in their order
+    springs: Mapping[int, float] = field(default_factory=dict)  # joints with a spring, and the share that it explains
 
 
 @dataclass(frozen=True)
@@ -119,14 +120,16 @@ def choose_families(
     rows: TreeRows,
     terms: Sequence[str] = FURTHER_TERMS + FURTHER_MOTOR_TERMS,
     min_improvement: float = MIN_IMPROVEMENT,
+    sprung: Collection[int] = (),
 ) -> FamilyChoice:
     """Choose the friction families of a robot's joints within `rows`; `terms` are tried in addition to plain ones.
 
+    Drives of the joints `sprung` act in parallel to springs.
     A term must save at least the share `min_improvement` of the error with which left-out segments of its joint are
     predicted.
     """
     robot = rows.robot
-    plain = TreeModel(robot, rows.base, plain_families(len(robot.names), robot.shared))
+    plain = TreeModel(robot, rows.base, plain_families(len(robot.names), robot.shared, sprung))
     start, _ = fit_rows(plain, rows)
     pool = _CandidateModel(robot, rows.base, plain.families, candidates=tuple(_candidates(rows, terms)))
     present = np.unique(rows.segment[rows.used.any(axis=1)])

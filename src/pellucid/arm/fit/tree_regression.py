@@ -81,6 +81,7 @@ class TreeRows:
     turning: np.ndarray  # speeds of the motors, (N, m) [rad/s; m/s]
     motions: tuple[TreeMotion, ...]  # their rows follow each other, N in all
     made: dict[tuple[FrictionPart, float], np.ndarray] = field(default_factory=dict)  # columns of friction so far
+    reversals: dict[int, np.ndarray] = field(default_factory=dict)  # what friction may do where a joint turns, so far
 
     @property
     def segments(self) -> int:

@@ -14,6 +14,8 @@ from ... import _core
 from ..._errors import ArgumentError, IdentificationError, PellucidError, RecordingError
 from ...files.defects.magnitude import find_implausible, has_constant_speeds
 from ...files.recording import Channel
+from ...models.causes import Cause
+from ...models.joint import PARALLEL_STIFFNESS
 from ...models.kinematic_tree import Tree
 from ...models.robot import Robot
 from ...models.simulate import substeps_for
@@ -31,6 +33,7 @@ from ...numerics.arguments import (
 from ...numerics.motion import Filtering, shortest
 from ...numerics.sampled import sampled
 from ...study.answer import AnswerPart
+from ...study.cause_words import cause_sentence
 from ...units import to_si_factor
 from ..fit.fit_tree import heldout_errors, identify_tree
 from ..fit.inertia_prior import fit_consistent
@@ -109,6 +112,9 @@ class RobotFit(TreeEstimate):
         Errors on the held-out recordings; None without one.
     answers : tuple of AnswerPart
         Whether the model predicts each joint: "yes", "no" or "cannot say", with the reason.
+    causes : tuple of Cause
+        Causes of what the model misses at each joint, such as a parallel spring, the one that explains most first.
+        Each has ``joint``, ``name``, ``size``, ``unit`` and ``share``. A spring is a term too, unless `plain`.
 
     The other attributes are those of `TreeEstimate`.
     """
@@ -120,6 +126,10 @@ class RobotFit(TreeEstimate):
     consistent: TreeEstimate | None = None
     heldout: RobotScore | None = None
     answers: tuple[AnswerPart, ...] = ()
+    causes: tuple[Cause, ...] = ()
+
+    def _facts(self) -> tuple[str, ...]:
+        return (*map(cause_sentence, self.causes), *super()._facts())
 
     @property
     def heldout_effort_error(self) -> float:
@@ -193,7 +203,7 @@ class RobotFit(TreeEstimate):
         RecordingError
             If the arrays do not fit the robot or each other, or a number is missing.
         IdentificationError
-            If the estimate is no possible body, or the simulated robot diverges.
+            If the estimate is no possible body or has a parallel spring, or the simulated robot diverges.
         """
         (clock,) = sampled("simulate", time)
         drive = _samples_of_joints(self.robot, "simulate", "effort", effort, len(clock))
@@ -206,6 +216,11 @@ class RobotFit(TreeEstimate):
                     f"simulate: {name}: found shape {start[name].shape}, expected ({m},) finite numbers: one for each "
                     f"of {', '.join(self.robot.names)}"
                 )
+        sprung = [n for n, family in zip(self.robot.names, self.families, strict=True) if PARALLEL_STIFFNESS in family]
+        if sprung:
+            raise IdentificationError(
+                f"simulate: found a parallel spring at {', '.join(sprung)}, expected none: simulation lacks springs"
+            )
         period = float(clock[-1] - clock[0]) / (len(clock) - 1)
         turns, model = self.robot.turns_array, self.consistent or self
         masses = _core.KinematicTree(model.links(), np.array(self.robot.tree.gravity, float)).mass_matrix(
@@ -396,7 +411,7 @@ def fit_robot(
     own["notes"] = (*chosen.notes, *notes)
     return RobotFit(
         **own, filtering=filtering, dead_band=slow, units=dict(units or {}), consistent=consistent, heldout=heldout,
-        answers=answer_joints(whole.names, errors, "held-out recordings", moving.tolist()),
+        answers=answer_joints(whole.names, errors, "held-out recordings", moving.tolist()), causes=found.causes,
     )  # fmt: skip
 
 

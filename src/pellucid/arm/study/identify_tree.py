@@ -40,6 +40,7 @@ from .tree_result import (
     complete_result,
     identify_payloads,
     in_drive_units,
+    of_effort,
     with_gains,
 )
 from .tree_table import TreeTable
@@ -113,7 +114,9 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
         traces=tuple(_trace(m, found) for m in motions if m.payload is None),
     )
     stated = {name: in_drive_units(model, result.effort_units) for name, model in models.items()}
-    result = replace(result, models=stated)
+    units = dict(zip(robot.names, result.effort_units, strict=True))
+    causes = tuple(replace(cause, unit=of_effort(cause.unit, units[cause.joint])) for cause in found.causes)
+    result = replace(result, models=stated, causes=causes)
     result = replace(result, verdicts=collect_findings(tree_findings, result))
     return complete_result(study, result)
 

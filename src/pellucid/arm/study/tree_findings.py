@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...models.causes import PARALLEL_SPRING
 from ...models.estimates import Verdict
+from ...study.cause_words import cause_sentence
 from ...study.procedures.findings import MAX_GOOD_ERROR
 from ..fit.tree_estimate import IDENTIFIED_VERDICT, NOT_IDENTIFIABLE_VERDICT, parameter_verdicts
 from .joint_answers import MIN_MOVING_SHARE
@@ -52,6 +54,19 @@ def report_bodies(case: TreeResult) -> Iterator[Verdict]:
         yield Verdict(
             "warning", text, "Check masses, signs and gears: the efforts imply impossible inertias.", weight=loss
         )
+
+
+def report_causes(case: TreeResult) -> Iterator[Verdict]:
+    """Report each cause of what the model misses at a joint, and each parallel spring that is a term of it."""
+    for cause in case.causes:
+        yield Verdict("note", cause_sentence(cause), SPRING_ADVICE if cause.name == PARALLEL_SPRING else "", weight=6.0)
+
+
+SPRING_ADVICE = (
+    "The model has a separate term for it. Cards, simulation and controllers of robots have none: to compensate the "
+    "joint, record it without the hose or cable."
+)
+"""Advice on a parallel spring that was found."""
 
 
 def report_drive_ripple(case: TreeResult) -> Iterator[Verdict]:

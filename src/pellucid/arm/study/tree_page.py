@@ -32,8 +32,8 @@ BODY_HEADS = {
 """Column heads of the ten inertial parameters of a body."""
 
 _TERM_COLUMN_ORDER = (
-    "inertia", "viscous", "positive", "negative", "coulomb", "offset", "load", "root", "stribeck", "velocity", "sine",
-    "cosine",
+    "inertia", "viscous", "positive", "negative", "coulomb", "offset", "stiffness", "load", "root", "stribeck",
+    "velocity", "sine", "cosine",
 )  # fmt: skip
 """Last words of column heads, in the order of the columns of a table of friction."""
 

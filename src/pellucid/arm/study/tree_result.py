@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._errors import IdentificationError
+from ...models.causes import Cause
 from ...models.estimates import Parameter
 from ...models.friction_terms import STRIBECK_FRICTION
 from ...models.robot import Robot
 from ...models.tree_card import JointRange, Ripple, TreeCard
 from ...numerics.motion import Filtering
 from ...study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts, verdict_of_parts
+from ...study.cause_words import cause_sentence
 from ...study.pages.quantities import percent
 from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTable, Result
@@ -144,6 +146,7 @@ class TreeResult(Result):
     published: Mapping[str, Mapping[str, float]]  # published values by joint and parameter, SI
     filter_note: str  # processing in one line
     segments: int  # number of segments
+    causes: tuple[Cause, ...] = ()  # causes of what the best model misses, the one that explains most first
     doubts: tuple[str, ...] = ()  # joints whose sign is in doubt, in words
     traces: tuple[TreeTrace, ...] = field(default=(), repr=False)  # filtered recordings
     filtering: Filtering  # filtering and decimation of both sides
@@ -165,7 +168,7 @@ class TreeResult(Result):
         own = {each.name: getattr(self.best, each.name) for each in fields(self.best)}
         return RobotFit(
             **own, filtering=self.filtering, dead_band=self.dead_band, effort_lowpass=self.effort_lowpass,
-            consistent=self.models.get("consistent"), answers=self.joint_answers,
+            consistent=self.models.get("consistent"), answers=self.joint_answers, causes=self.causes,
         )  # fmt: skip
 
     def predict(self, time: ArrayLike, position: ArrayLike, velocity: ArrayLike | None = None) -> np.ndarray:
@@ -270,10 +273,15 @@ def in_drive_units(model: TreeEstimate, effort_units: Sequence[str]) -> TreeEsti
             return unit
         if unit in _INERTIAS_BY_SI:
             return _INERTIAS_BY_SI[unit].format(effort)
-        return re.sub(r"^N(\*m(?!\w))?", effort, unit)
+        return of_effort(unit, effort)
 
     parameters = {n: replace(p, unit=unit_of(n, p.unit)) for n, p in model.parameters.items()}
     return replace(model, parameters=parameters)
+
+
+def of_effort(unit: str, effort: str) -> str:
+    """Return a unit per newton or newton metre as the same per unit of the `effort` that is measured."""
+    return re.sub(r"^N(\*m(?!\w))?", effort, unit) if effort not in ("N*m", "N") else unit
 
 
 def complete_result(study: Study, found: TreeResult) -> TreeResult:
@@ -495,6 +503,11 @@ def tree_rows_of(found: TreeResult) -> Iterator[ResultRow]:
         value = {"yes": 1.0, "no": 0.0}.get(answer.verdict)
         note = f"{answer.name}: {answer}"
         yield replace(kept, id=f"{found.study}.best.predicts.joint_{k}", value=value, note=note)
+    for cause in found.causes:
+        share, size = (x if np.isfinite(x) else None for x in (cause.share, cause.size))
+        own = replace(plain, id=f"{found.study}.cause.{cause.joint}.{cause.name}", note=cause_sentence(cause))
+        yield replace(own, value=size, unit=cause.unit)
+        yield replace(own, id=f"{own.id}.share", value=share, unit="1")
     for recording, (use, each) in errors_by_recording(found).items():
         of = plain if use == "fit" else kept
         for k, (name, value) in enumerate(zip(found.names, each, strict=True), 1):

@@ -26,16 +26,25 @@ import numpy as np
 
 from ... import _core
 from ..._errors import IdentificationError
-from ...models.friction_terms import grows_with_load, is_friction
+from ...models.causes import (
+    BACKLASH,
+    DELAY,
+    DRIFT,
+    MISALIGNED_AXIS,
+    POSITION_FRICTION,
+    SATURATION,
+    WARM_UP,
+    Cause,
+)
+from ...models.friction_terms import grows_with_load
 from ...models.joint import PARALLEL_STIFFNESS, SYMBOLS_BY_NAME, JointModel
 from ...numerics.block_test import MIN_IMPROVEMENT, SIGNIFICANCE_LEVEL
 from ...numerics.motion import Motion
-from ...numerics.regression import Stack, regression_rows
+from ...numerics.regression import Stack
 from .discrepancy import COMMON_LOAD_COEFFICIENT, NEGLECTED_EFFECTS
 from .friction_solver import solve_family
 from .joint_estimate import joint_states
-from .left_out_stretches import TRAVEL_EFFECTS, LeftOutStretches
-from .recording_agreement import share_of_time
+from .left_out_stretches import TRAVEL_EFFECTS, LeftOutColumns, LeftOutStretches
 from .spring_doubt import SPRING_SETTINGS
 from .turning_friction import REVERSAL_TIMES_S, reversal_pulses
 
@@ -72,41 +81,6 @@ class CauseThresholds:
 
 CAUSE_THRESHOLDS = CauseThresholds()
 
-PARALLEL_SPRING, POSITION_FRICTION, MISALIGNED_AXIS, BACKLASH, SATURATION, DRIFT, WARM_UP, DELAY = CAUSE_NAMES = (
-    "parallel_spring", "position_friction", "misaligned_axis", "backlash", "saturation", "drift", "warm_up", "delay",
-)  # fmt: skip
-"""Names of all causes."""
-
-
-@dataclass(frozen=True)
-class Cause:
-    """A cause of the residual of a joint's model.
-
-    Attributes
-    ----------
-    name : str
-        One of "parallel_spring", "position_friction", "misaligned_axis", "backlash", "saturation", "drift", "warm_up"
-        and "delay".
-    size : float
-        Its size: stiffness, change of friction over the travel, angle, gap, limit of the sensor, relative change of the
-        effort over a recording, change of friction over a recording, or delay. NaN for a gap whose parts rattle: no
-        column predicts that, so that its width is unknown.
-    unit : str
-        Unit of the size.
-    share : float
-        Share of the cross-validated residual variance that it explains in addition to load
-        friction; NaN if no model can tell.
-    half_width : float
-        Half the confidence interval of the size; NaN where the size is a rough one.
-    """
-
-    name: str
-    size: float
-    unit: str
-    share: float
-    half_width: float = float("nan")
-
-
 @dataclass(frozen=True)
 class ParallelSpring:
     """Whether a spring acts in parallel to the drive, by cross-validation on the fitted recordings."""
@@ -127,26 +101,46 @@ def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpri
         stretches, reported = _stretches(model, data, values, SPRING_SETTINGS.slow_speed_share)
     except IdentificationError:
         return ParallelSpring()  # the fit that follows reports the error
-    stretches.add(stretches.columns(lambda m: reversal_pulses(m, m.velocity)))
-    stretches.add(_gap_columns(stretches))  # backlash, too, is no spring
+    turning = stretches.columns(lambda m: reversal_pulses(m, m.velocity))
+    return decide_parallel_spring(stretches, turning, _gap_columns(stretches), reported, "gravity" in model.names)
+
+
+def decide_parallel_spring(
+    stretches: LeftOutColumns,
+    turning: Sequence[np.ndarray],
+    gap: Sequence[np.ndarray],
+    reported: float,
+    has_gravity: bool,
+    min_effort_share: float = 0.0,
+) -> ParallelSpring:
+    """Decide whether there is a spring beside what friction misses where it turns, and beside backlash.
+
+    `turning` and `gap` are the columns, each (m,), of these two. `reported` is the mean square error of the model
+    without load friction. `has_gravity` tells whether gravity is estimated, which a spring could falsify. The spring
+    must explain at least `min_effort_share` of the root mean square effort.
+    """
+    stretches.add(turning)
+    stretches.add(gap)
     position = [stretches.states.position]
     saved, p_value = stretches.saved(position)
     alone = stretches.share(position)
-    least = SPRING_SETTINGS.min_saved_share if "gravity" in model.names else 1.0 - (1.0 - MIN_IMPROVEMENT) ** 2
+    least = SPRING_SETTINGS.min_saved_share if has_gravity else 1.0 - (1.0 - MIN_IMPROVEMENT) ** 2
     is_told = min(saved, alone) >= least and p_value <= SIGNIFICANCE_LEVEL
-    if not is_told and not _needs_spring(stretches, position):
+    if alone * stretches.own_error < min_effort_share**2 * float(np.mean(stretches.measured**2)):
+        return ParallelSpring()
+    if not is_told and not _needs_spring(stretches, position, [*turning, *gap]):
         return ParallelSpring()
     return ParallelSpring(True, min(alone * stretches.own_error / reported, 1.0))
 
 
-def _needs_spring(stretches: LeftOutStretches, position: Sequence[np.ndarray]) -> bool:
+def _needs_spring(stretches: LeftOutColumns, position: Sequence[np.ndarray], few: Sequence[np.ndarray]) -> bool:
     """Whether a spring alone explains most of the error that all neglected effects together explain.
 
     Over a moderate range of angles, many columns resemble one stiffness. Without the term, the estimate of gravity
-    would include it. With the term, the uncertainty of the stiffness widens the intervals (`spring_doubt`).
+    would include it. With the term, the uncertainty of the stiffness widens the intervals (`spring_doubt`). The spring
+    is compared with the model and a `few` columns.
     """
-    turning = stretches.columns(lambda m: reversal_pulses(m, m.velocity))
-    saved, p_value = stretches.saved_beside(position, [*turning, *_gap_columns(stretches)])
+    saved, p_value = stretches.saved_beside(position, few)
     told = stretches.spring()
     if told is None or saved < SPRING_SETTINGS.min_needed_share:
         return False
@@ -187,17 +181,7 @@ def find_causes(
     # What friction misses where it turns would else be most of the error.
     stretches.add(stretches.columns(lambda m: reversal_pulses(m, m.velocity)))
     candidates = {name: columns for name, columns in _candidates(stretches) if columns}
-    found: list[Cause] = []
-    while candidates:
-        saved = {name: stretches.saved(columns) for name, columns in candidates.items()}
-        name = max(saved, key=lambda each: saved[each][0])
-        if not _is_told(*saved[name]):
-            break
-        columns = candidates.pop(name)
-        cause = _cause(name, columns, stretches, reported)
-        if cause is not None:
-            found.append(cause)
-            stretches.add(columns)
+    found = explain_residual(stretches, candidates, reported)
     if not any(cause.name == BACKLASH for cause in found):
         found += _rattle(stretches, reported)
     # A gap moves the effort against the position too.
@@ -206,6 +190,28 @@ def find_causes(
         if _is_told(share, p_value):
             found.append(Cause(DELAY, max(delays.values(), key=abs), "s", share))
     return tuple(sorted(found, key=lambda cause: -cause.share))
+
+
+def explain_residual(
+    stretches: LeftOutColumns, candidates: Mapping[str, Sequence[np.ndarray]], reported: float
+) -> list[Cause]:
+    """Return the causes among `candidates`, columns by name, one after another, the one that explains most first.
+
+    Each becomes part of the model that the next one extends. `reported` is the mean square error of the model without
+    load friction.
+    """
+    left, found = dict(candidates), list[Cause]()
+    while left:
+        saved = {name: stretches.saved(columns) for name, columns in left.items()}
+        name = max(saved, key=lambda each: saved[each][0])
+        if not _is_told(*saved[name]):
+            break
+        columns = left.pop(name)
+        cause = _cause(name, columns, stretches, reported)
+        if cause is not None:
+            found.append(cause)
+            stretches.add(columns)
+    return found
 
 
 def _delayed(motion: Motion, delay: float) -> np.ndarray:
@@ -220,12 +226,17 @@ def _is_told(share: float, p_value: float) -> bool:
 def _candidates(stretches: LeftOutStretches) -> Iterator[tuple[str, list[np.ndarray]]]:
     """Yield the name of each cause that is sought, with its columns, each (m,)."""
     states, model = stretches.states, stretches.model
-    yield POSITION_FRICTION, [NEGLECTED_EFFECTS[name](states) for name in TRAVEL_EFFECTS]
+    yield POSITION_FRICTION, travel_columns(stretches)
     if model.motion == "rotary" and "gravity" in model.names:
         yield MISALIGNED_AXIS, [np.sin(2.0 * states.position), np.cos(2.0 * states.position)]
     yield BACKLASH, _gap_columns(stretches)
-    yield SATURATION, _excess_columns(stretches)
-    yield DRIFT, _drift_columns(stretches, model.names)
+    yield SATURATION, excess_columns(stretches)
+    yield DRIFT, drift_columns(stretches)
+
+
+def travel_columns(stretches: LeftOutColumns) -> list[np.ndarray]:
+    """Return the columns of friction that depends on the position."""
+    return [NEGLECTED_EFFECTS[name](stretches.states) for name in TRAVEL_EFFECTS]
 
 
 def _load(stretches: LeftOutStretches) -> Callable[[Motion], np.ndarray]:
@@ -273,27 +284,20 @@ def _rattle(stretches: LeftOutStretches, reported: float) -> Iterator[Cause]:
         yield Cause(BACKLASH, float("nan"), unit, min(share * stretches.error / reported, 1.0))
 
 
-def _excess_columns(stretches: LeftOutStretches) -> list[np.ndarray]:
+def excess_columns(stretches: LeftOutColumns) -> list[np.ndarray]:
     """Return by how much the modelled effort is beyond the range of the recorded one, above and below."""
-    measured, modelled = stretches.data.target, stretches.effort
+    measured, modelled = stretches.measured, stretches.effort
     low, high = np.quantile(measured, [CAUSE_THRESHOLDS.limit_quantile, 1.0 - CAUSE_THRESHOLDS.limit_quantile])
     return [np.maximum(modelled - high, 0.0), np.minimum(modelled - low, 0.0)]
 
 
-def _share_of_time(stretches: LeftOutStretches) -> np.ndarray:
-    """Return the time of every row from start to end of its recording, (m,)."""
-    motions = stretches.data.motions
-    return np.concatenate([share_of_time(m, motions) for m in motions])
+def drift_columns(stretches: LeftOutColumns, which: np.ndarray | None = None) -> list[np.ndarray]:
+    """Return the columns of the parameters in a mask, (p,), times the time from start to end of each recording."""
+    made = stretches.jacobian if which is None else stretches.jacobian[:, which]
+    return list((made * stretches.time[:, None]).T)
 
 
-def _drift_columns(stretches: LeftOutStretches, names: Sequence[str]) -> list[np.ndarray]:
-    """Return the columns of parameters among `names`, times the time from start to end of each recording."""
-    model, time = stretches.model, _share_of_time(stretches)
-    jacobian = regression_rows(model, stretches.values, stretches.data)[0]
-    return [jacobian[:, model.names.index(name)] * time for name in names]
-
-
-def _cause(name: str, columns: Sequence[np.ndarray], stretches: LeftOutStretches, reported: float) -> Cause | None:
+def _cause(name: str, columns: Sequence[np.ndarray], stretches: LeftOutColumns, reported: float) -> Cause | None:
     """Return a cause that was found, with its size and share; None if it explains too little of the model alone.
 
     `reported` is the mean square error of the model without load friction.
@@ -304,16 +308,15 @@ def _cause(name: str, columns: Sequence[np.ndarray], stretches: LeftOutStretches
     least = _least_gap(stretches) if name == BACKLASH else 0.0
     alone = stretches.share(columns)
     explained = alone * stretches.own_error
-    too_little = CAUSE_THRESHOLDS.min_effort_share**2 * float(np.mean(stretches.data.target**2))
+    too_little = CAUSE_THRESHOLDS.min_effort_share**2 * float(np.mean(stretches.measured**2))
     if alone < CAUSE_THRESHOLDS.min_share_alone or abs(size) < least or explained < too_little:
         return None
     return Cause(name, float(size), unit, min(explained / reported, 1.0))
 
 
-def _kind_of_drift(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[str, list[np.ndarray]]:
+def _kind_of_drift(columns: Sequence[np.ndarray], stretches: LeftOutColumns) -> tuple[str, list[np.ndarray]]:
     """Return whether friction alone falls, by what the drift of all saves beyond it; and the columns of the drift."""
-    rubbing = [name for name in stretches.model.names if is_friction(name)]
-    friction = _drift_columns(stretches, rubbing)
+    friction = drift_columns(stretches, stretches.friction)
     alone, every = stretches.saved(friction)[0], stretches.saved(columns)[0]
     is_friction_alone = bool(friction) and every - alone < CAUSE_THRESHOLDS.min_share * (1.0 - alone)
     # Friction falls as a gear warms up. What rises is a drift of something else.
@@ -321,14 +324,14 @@ def _kind_of_drift(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -
     return (WARM_UP, friction) if is_warm_up else (DRIFT, list(columns))
 
 
-def _travel_friction_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
+def _travel_friction_size(columns: Sequence[np.ndarray], stretches: LeftOutColumns) -> tuple[float, str]:
     """Return the range of friction along the recorded travel at the usual speed, and its unit."""
     along, amid, viscous = stretches.coefficients(columns)
     travel = stretches.states.travel
     speed = float(np.sqrt(np.mean(stretches.states.velocity**2)))
     low, high = np.quantile(travel, [0.05, 0.95])
     place = np.linspace(low, high, 21)
-    return float(np.ptp((along + viscous * speed) * place + amid * place**2)), stretches.model.effort_unit
+    return float(np.ptp((along + viscous * speed) * place + amid * place**2)), stretches.effort_unit
 
 
 def _axis_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
@@ -354,30 +357,33 @@ def _gap_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tup
     return 2.0 * shift / max(gravity, np.finfo(float).tiny), unit
 
 
-def _limit_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
+def _limit_size(columns: Sequence[np.ndarray], stretches: LeftOutColumns) -> tuple[float, str]:
     """Return the limit of the effort that is reached more."""
-    measured = stretches.data.target
+    measured = stretches.measured
     quantile = CAUSE_THRESHOLDS.limit_quantile
     low, high = (float(x) for x in np.quantile(measured, [quantile, 1.0 - quantile]))
     above, below = (float(np.sum(each**2)) for each in columns)
-    return (high if above >= below else low), stretches.model.effort_unit
+    return (high if above >= below else low), stretches.effort_unit
 
 
-def _drift_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
+def _drift_size(columns: Sequence[np.ndarray], stretches: LeftOutColumns) -> tuple[float, str]:
     """Return the change of the effort from start to end of a recording, as a share of the effort [%]."""
     change = np.column_stack(columns) @ stretches.coefficients(columns)
-    time = _share_of_time(stretches)
     # The change at time t is t times that from start to end, and t is even from -1/2 to 1/2.
-    whole = float(np.sqrt(np.sum(change**2) / max(float(np.sum(time**2)), np.finfo(float).tiny)))
-    return 100.0 * whole / float(np.sqrt(np.mean(stretches.data.target**2))), "%"
+    whole = float(np.sqrt(np.sum(change**2) / max(float(np.sum(stretches.time**2)), np.finfo(float).tiny)))
+    return 100.0 * whole / float(np.sqrt(np.mean(stretches.measured**2))), "%"
 
 
-def _warm_up_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
+def _warm_up_size(columns: Sequence[np.ndarray], stretches: LeftOutColumns) -> tuple[float, str]:
     """Return the change of friction from start to end of a recording, below 0 if it falls."""
     change = np.column_stack(columns) @ stretches.coefficients(columns)
-    time = _share_of_time(stretches)
-    way = time * stretches.states.direction
-    return float(change @ way) / max(float(way @ way), np.finfo(float).tiny), stretches.model.effort_unit
+    way = stretches.time * stretches.states.direction
+    return float(change @ way) / max(float(way @ way), np.finfo(float).tiny), stretches.effort_unit
+
+
+def _delay_size(columns: Sequence[np.ndarray], stretches: LeftOutColumns) -> tuple[float, str]:
+    """Return the time by which the effort is late, from the column of its derivative."""
+    return float(stretches.coefficients(columns)[0]), "s"
 
 
 _SIZES: Mapping[str, Callable[[Sequence[np.ndarray], LeftOutStretches], tuple[float, str]]] = {
@@ -387,5 +393,6 @@ _SIZES: Mapping[str, Callable[[Sequence[np.ndarray], LeftOutStretches], tuple[fl
     SATURATION: _limit_size,
     DRIFT: _drift_size,
     WARM_UP: _warm_up_size,
+    DELAY: _delay_size,
 }
 """Function that gives the size of each cause, with its unit, from its columns."""

@@ -7,13 +7,15 @@ from functools import cached_property
 
 import numpy as np
 
+from ...models.friction_terms import is_friction
 from ...models.joint import PARALLEL_STIFFNESS, JointModel
 from ...numerics.block_test import compare_held_out
 from ...numerics.motion import SLOW_SHARE, Motion
 from ...numerics.regression import Stack, regression_rows
 from ...numerics.uncertainty import correlation_time
 from .discrepancy import NEGLECTED_EFFECTS, TWISTED_ANGLE, UNEQUAL_LOAD_LOSSES, States
-from .friction_solver import block_labels
+from .friction_solver import block_labels, rows_of_blocks
+from .recording_agreement import share_of_time
 
 MAX_ROWS = 50_000
 """Rows beyond this number are thinned."""
@@ -24,6 +26,12 @@ MIN_ROWS_PER_COLUMN = 10
 MIN_CONTRASTED_ROWS = 5
 """Smallest number of rows of each kind for which a segment shows a difference of errors between two kinds."""
 
+MIN_RELATIVE_EIGENVALUE = 1e-10
+"""Directions of the normal equations with less than this share of the largest eigenvalue count as undetermined."""
+
+MIN_SQUARED_REMAINDER = 1e-8
+"""A column adds something only if this squared share of it lies outside the span of those that are there."""
+
 TRAVEL_EFFECTS = (
     "friction that changes along the travel",
     "friction that is largest in the middle of the travel",
@@ -32,19 +40,23 @@ TRAVEL_EFFECTS = (
 """Neglected effects that are friction which depends on the position."""
 
 
-class LeftOutStretches:
-    """Rows of a regression in segments for cross-validation, and the model that causes extend.
+class LeftOutColumns:
+    """Rows of a regression in segments for cross-validation, and the columns to which causes add others.
 
     Attributes
     ----------
-    model : JointModel
-        Model that is extended, p parameters.
-    values : ndarray, shape (p,)
-        Its values.
-    effort : ndarray, shape (m,)
-        Effort that it makes in all rows.
+    jacobian : ndarray, shape (m, p)
+        Columns of the model's parameters.
+    friction : ndarray of bool, shape (p,)
+        Which of them are friction.
     states : States
-        States of the joint in all rows.
+        States of the joint in all m rows.
+    time : ndarray, shape (m,)
+        Time of every row from start to end of its recording, from -1/2 to 1/2.
+    effort_unit : str
+        Unit of the effort.
+    measured, effort : ndarray, shape (m,)
+        Measured and modelled effort in all rows.
     own_error : float
         Mean square error of the model alone on left-out stretches, in the effort's unit squared.
     error : float
@@ -52,16 +64,27 @@ class LeftOutStretches:
     """
 
     def __init__(
-        self, model: JointModel, data: Stack[Motion], values: np.ndarray, states: States, slow_speed_share: float
+        self,
+        jacobian: np.ndarray,
+        measured: np.ndarray,
+        effort: np.ndarray,
+        states: States,
+        *,
+        friction: np.ndarray,
+        time: np.ndarray,
+        labels: np.ndarray,
+        kept: np.ndarray,
+        effort_unit: str,
     ) -> None:
-        jacobian, effort = regression_rows(model, values, data)
-        self.model, self.data, self.values, self.effort, self.states = model, data, values, effort, states
-        kept = np.flatnonzero(_share_of_slow_samples(data, slow_speed_share) < SLOW_SHARE)
-        self._rows = kept[:: max(1, -(-len(kept) // MAX_ROWS))]
-        self._labels = np.concatenate(block_labels(data.lengths))[self._rows]
-        self._target = (data.target - effort)[self._rows]
-        self._jacobian = jacobian[self._rows]
-        self._own = _with_unit_columns(self._jacobian)
+        """Take the attributes, the segment of each row, `labels`, (m,), and a mask of the rows that count, (m,)."""
+        self.jacobian, self.friction, self.time, self.effort_unit = jacobian, friction, time, effort_unit
+        self.measured, self.effort, self.states = measured, effort, states
+        self.stiffness = (-1, 0.0)  # column and value of the stiffness of a parallel spring; no column: -1
+        rows = np.flatnonzero(kept)
+        self._rows = rows[:: max(1, -(-len(rows) // MAX_ROWS))]
+        self._labels = labels[self._rows]
+        self._target = (measured - effort)[self._rows]
+        self._own = _with_unit_columns(jacobian[self._rows])
         self._beside = self._own[:, :0]
         # A twisted angle is no friction, and its column is nearly that of a misaligned axis.
         others = (*TRAVEL_EFFECTS, UNEQUAL_LOAD_LOSSES, TWISTED_ANGLE)
@@ -69,7 +92,10 @@ class LeftOutStretches:
 
     def add(self, columns: Sequence[np.ndarray]) -> None:
         """Make columns, each of shape (m,), part of the model that causes extend."""
-        self._beside = np.column_stack([self._beside, self._made(columns)])
+        made, basis = self._made(columns), np.column_stack([self._own, self._beside])
+        shared = basis.T @ made
+        left = 1.0 - np.sum(shared * _solve(basis.T @ basis, shared), axis=0)
+        self._beside = np.column_stack([self._beside, made[:, left > MIN_SQUARED_REMAINDER]])
 
     def saved(self, columns: Sequence[np.ndarray], before: np.ndarray | None = None) -> tuple[float, float]:
         """Return the share of the squared error on left-out stretches that columns save, and its p value.
@@ -137,20 +163,59 @@ class LeftOutStretches:
         if len(self._rows) < MIN_ROWS_PER_COLUMN * (self._own.shape[1] + self._beside.shape[1] + 1):
             return None
         position = self.states.position[self._rows]
-        others = [name != PARALLEL_STIFFNESS for name in self.model.names]
-        wide = np.column_stack([_with_unit_columns(self._jacobian[:, others]), self._beside])
+        others = np.arange(self.jacobian.shape[1]) != self.stiffness[0]
+        wide = np.column_stack([_with_unit_columns(self.jacobian[np.ix_(self._rows, others)]), self._beside])
         scales, vectors = np.linalg.eigh(wide.T @ wide)
         kept = scales > 1e-10 * scales[-1]
         basis = wide @ (vectors[:, kept] / np.sqrt(scales[kept]))
-        target = self._target.copy()
-        if not all(others):
-            target += float(self.values[others.index(False)]) * position
+        target = self._target + self.stiffness[1] * position
         apart, target = (x - basis @ (basis.T @ x) for x in (position, target))
         size = float(apart @ apart)
         stiffness = float(apart @ target) / size
         left = target - stiffness * apart
         memory = max(2.0 * correlation_time(left, [len(left)]), 1.0)
         return stiffness, float(np.sqrt(memory * np.mean(left**2) / size)), len(left) / memory
+
+    def _made(self, columns: Sequence[np.ndarray]) -> np.ndarray:
+        made = np.column_stack([self._own[:, :0], *(each[self._rows] for each in columns)])
+        return _with_unit_columns(made)
+
+    def _left_out(self, columns: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """Return the residual, (k,), of each stretch by a fit of `columns`, (k, p), to the others."""
+        gram, moment, made = columns.T @ columns, columns.T @ target, np.empty(len(target))
+        for _, own in rows_of_blocks(self._labels):
+            w, y = columns[own], target[own]
+            made[own] = y - w @ _solve(gram - w.T @ w, moment - w.T @ y)
+        return made
+
+
+class LeftOutStretches(LeftOutColumns):
+    """Rows of a single joint's regression, with the model that causes extend.
+
+    Attributes
+    ----------
+    model : JointModel
+        Model that is extended, p parameters.
+    values : ndarray, shape (p,)
+        Its values.
+    """
+
+    def __init__(
+        self, model: JointModel, data: Stack[Motion], values: np.ndarray, states: States, slow_speed_share: float
+    ) -> None:
+        jacobian, effort = regression_rows(model, values, data)
+        self.model, self.data, self.values = model, data, values
+        super().__init__(
+            jacobian, data.target, effort, states,
+            friction=np.array([is_friction(name) for name in model.names], bool),
+            time=np.concatenate([share_of_time(m, data.motions) for m in data.motions]),
+            labels=segments_of(data.lengths),
+            kept=_share_of_slow_samples(data, slow_speed_share) < SLOW_SHARE,
+            effort_unit=model.effort_unit,
+        )  # fmt: skip
+        if PARALLEL_STIFFNESS in model.names:
+            at = model.names.index(PARALLEL_STIFFNESS)
+            self.stiffness = at, float(values[at])
 
     def column(self, signal: Callable[[Motion], np.ndarray]) -> np.ndarray:
         """Return a signal of every motion, (n,), in the rows of the regression, (m,)."""
@@ -160,18 +225,20 @@ class LeftOutStretches:
         """Return signals of every motion, (n, k), in the rows of the regression, k of (m,)."""
         return list(np.concatenate([m.rows(signals(m)) for m in self.data.motions]).T)
 
-    def _made(self, columns: Sequence[np.ndarray]) -> np.ndarray:
-        made = np.column_stack([self._own[:, :0], *(each[self._rows] for each in columns)])
-        return _with_unit_columns(made)
 
-    def _left_out(self, columns: np.ndarray, target: np.ndarray) -> np.ndarray:
-        """Return the residual, (k,), of each stretch by a fit of `columns`, (k, p), to the others."""
-        gram, moment, made = columns.T @ columns, columns.T @ target, np.empty(len(target))
-        for block in np.unique(self._labels):
-            own = self._labels == block
-            w, y = columns[own], target[own]
-            made[own] = y - w @ np.linalg.lstsq(gram - w.T @ w, moment - w.T @ y, rcond=1e-10)[0]
-        return made
+def segments_of(lengths: Sequence[int]) -> np.ndarray:
+    """Return the segment of each row, (m,), of stretches with so many rows."""
+    return np.concatenate(block_labels(lengths))
+
+
+def _solve(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    """Solve normal equations of unit columns; the least-norm solution where they are dependent."""
+    try:
+        # The trace bounds the largest eigenvalue, so that no direction counts as undetermined.
+        np.linalg.cholesky(gram - MIN_RELATIVE_EIGENVALUE * np.trace(gram) * np.eye(len(gram)))
+    except np.linalg.LinAlgError:
+        return np.linalg.lstsq(gram, moment, rcond=MIN_RELATIVE_EIGENVALUE)[0]
+    return np.linalg.solve(gram, moment)
 
 
 def _compare(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:

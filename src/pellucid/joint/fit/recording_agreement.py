@@ -253,17 +253,25 @@ MAX_HALVES_RATIO = 1.5
 def share_of_time(motion: Motion, motions: Sequence[Motion]) -> np.ndarray:
     """Return the time of a motion's rows from -1/2 at the start of its recording to 1/2 at its end, (n,).
 
-    It is 0 throughout a recording whose speeds change along it, as those of a chirp: what changes with time cannot be
-    told there from what changes with speed.
+    It is 0 throughout a recording whose speeds change along it; see `centred_time`.
     """
     same = [m for m in motions if m.recording == motion.recording]
-    first, last = min(float(m.time[0]) for m in same), max(float(m.time[-1]) for m in same)
     times, speeds = (np.concatenate([getattr(m, name) for m in same]) for name in ("time", "velocity"))
-    is_late = times > 0.5 * (first + last)
+    return centred_time(motion.states[:, 0], times, speeds)
+
+
+def centred_time(time: np.ndarray, whole: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+    """Return times, (n,), from -1/2 at the start of a recording to 1/2 at its end; (n,).
+
+    `whole` and `speeds`, (k,), are the times and speeds of all its samples. The result is 0 where speeds change along
+    the recording, as those of a chirp: what changes with time cannot be told there from what changes with speed.
+    """
+    first, last = float(whole.min()), float(whole.max())
+    is_late = whole > 0.5 * (first + last)
     halves = [float(np.mean(np.square(speeds[half]))) for half in (is_late, ~is_late) if half.any()]
     if max(halves) > MAX_HALVES_RATIO**2 * min(halves):
-        return np.zeros(len(motion.states))
-    return (motion.states[:, 0] - first) / max(last - first, np.finfo(float).tiny) - 0.5
+        return np.zeros(len(time))
+    return (time - first) / max(last - first, np.finfo(float).tiny) - 0.5
 
 
 BODY_PARAMETERS = frozenset({"inertia", *GRAVITY_NAMES})

@@ -22,13 +22,18 @@ TRAVEL_RANGE_SHARES = (1e-3, 3e-3, 1e-2, 2e-2)
 
 def reversal_pulses(motion: Motion, signal: np.ndarray) -> np.ndarray:
     """Return pulses at `REVERSAL_TIMES_S` from every change of the sign of a `signal`, (n,); shape (n, k)."""
-    sign, pulses = np.sign(signal), []
+    return np.column_stack([np.gradient(motion.smooth(sign)) * motion.fs for sign in shifted_signs(signal, motion.fs)])
+
+
+def shifted_signs(signal: np.ndarray, fs: float) -> list[np.ndarray]:
+    """Return the sign of a `signal`, (n,), that is sampled at `fs` [Hz], later by each of `REVERSAL_TIMES_S`."""
+    sign, made = np.sign(signal), []
     for time in REVERSAL_TIMES_S:
-        shift = round(time * motion.fs)
+        shift = round(time * fs)
         moved = np.concatenate([np.full(abs(shift), sign[0]), sign, np.full(abs(shift), sign[-1])])
         start = abs(shift) - shift
-        pulses.append(np.gradient(motion.smooth(moved[start : start + len(sign)])) * motion.fs)
-    return np.column_stack(pulses)
+        made.append(moved[start : start + len(sign)])
+    return made
 
 
 def turning_columns(motion: Motion) -> np.ndarray:

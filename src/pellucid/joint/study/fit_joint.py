@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from ..._errors import ArgumentError, IdentificationError, PellucidError, RecordingError
 from ..._processes import with_one_blas_thread
 from ...models.card import ModelCard
+from ...models.causes import Cause
 from ...models.estimates import Verdict
 from ...models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME, UNITS
 from ...numerics.arguments import choice, number, shown, whole_number, with_checked_arguments
@@ -26,7 +27,6 @@ from ...study.procedures.run import run
 from ...study.quality import require_sound
 from ...study.study_file import RecordingEntry, StudyFile
 from ...units import si_text, to_si_factor
-from ..fit.causes import Cause
 from ..fit.friction_family import FamilyFit
 from ..fit.joint_estimate import JointEstimate
 from ..fit.replay import Prediction, pool_errors, predict

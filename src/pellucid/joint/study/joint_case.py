@@ -11,6 +11,7 @@ from ...files.defects import echoed, worn
 from ...files.fault import Fault
 from ...files.quantity import quantity_of
 from ...files.recording import Recording
+from ...models.causes import Cause
 from ...models.estimates import Parameter
 from ...models.friction_terms import TERMS
 from ...numerics.motion import Motion
@@ -21,7 +22,6 @@ from ...study.drive_channel import drive_channel
 from ...study.pages.quantities import interval_text
 from ...study.study import Study
 from ...study.study_file import Drive
-from ..fit.causes import Cause
 from ..fit.drive_constant import LoadShares
 from ..fit.friction_family import FamilyFit
 from ..fit.headline_choice import HeadlineChoice

@@ -11,6 +11,7 @@ from scipy.special import ndtri
 from ..._errors import IdentificationError
 from ...files.defects import worn
 from ...files.fault import Fault
+from ...models.causes import PARALLEL_SPRING
 from ...models.estimates import Parameter, Verdict
 from ...models.fields import largest_friction, model_fields
 from ...models.friction_terms import LOAD_FEATURE, TERMS, features_of, grows_with_load
@@ -24,10 +25,10 @@ from ...numerics.spring_evidence import (
     STANDARD_ERRORS,
     USUAL_LEVER_M,
 )
+from ...study.cause_words import cause_sentence
 from ...study.pages.quantities import METHODS, interval_text, number, parameter_label, unit_text
 from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.posterior_beside import pair_with_posterior, posterior_verdicts
-from ..fit.causes import PARALLEL_SPRING
 from ..fit.friction_family import added_terms
 from ..fit.friction_solver import solve_family
 from ..fit.headline_choice import Candidate
@@ -55,7 +56,6 @@ from .joint_case import (
     unstated_payload,
     wearer_faults,
 )
-from .joint_causes import cause_sentence
 
 MIN_ZERO_ERROR_RAD = np.radians(3.0)
 """Smallest zero error that is reported [rad]. Smaller ones cannot be told from errors of the friction model."""

@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.card import ModelCard
+from ...models.causes import Cause
 from ...models.estimates import Parameter
 from ...numerics.motion import Motion
 from ...numerics.posterior.posterior import Posterior
+from ...study.cause_words import cause_sentence
 from ...study.pages.quantities import METHODS
 from ...study.procedures.posterior_beside import ComparedPosterior, pair_with_posterior, posterior_rows, posterior_table
 from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTable, Result
 from ...study.recorded_motions import drive_model
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
-from ..fit.causes import Cause
 from ..fit.friction_family import FamilyFit
 from ..fit.headline_choice import HeadlineChoice
 from ..fit.joint_estimate import JointEstimate
@@ -26,7 +27,6 @@ from ..fit.presliding import Presliding
 from ..fit.replay import Simulation, relative_error
 from ..fit.unknown_payload import UnknownPayload
 from .joint_answer import STRETCHES_OUT, crossed_error_of, joint_answer
-from .joint_causes import cause_sentence
 
 if TYPE_CHECKING:
     from ...study.answer import Answer
