@@ -732,9 +732,11 @@ def commission(
             participant=participant, wearer=wearer, ask=lambda text: typer.prompt(text, default="", show_default=False),
         )  # fmt: skip
     console = make_console()
+    print_answer(console, done.answer)
     for line in done.lines():
         print_line(console, line)
-    if not done.drive.is_right:
+    print_line(console, f"Next: {done.answer.next_command}")
+    if done.answer.verdict == "no":
         raise typer.Exit(1)
 
 

@@ -12,10 +12,10 @@ from research.evidence._commissioned import draw_robot, play_start
 
 import pellucid
 from pellucid._errors import PellucidError
-from pellucid.controllers.commissioning import Answers, StartLog, answers, drive_check, record_starts
+from pellucid.controllers.commissioning import Answers, DriveCheck, StartLog, answers, drive_check, record_starts
 from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.instruments import Instruments
-from pellucid.controllers.study.commission import read_starts, state_answers, with_keys
+from pellucid.controllers.study.commission import Commissioning, read_starts, state_answers, with_keys
 from pellucid.controllers.supervised import supervised
 from pellucid.live.udp import UdpBoard
 from pellucid.live.udp_robot import UdpRobot
@@ -137,4 +137,20 @@ def test_a_spring_is_refused_and_a_virtual_study_is_commissioned(tmp_path):
     assert done.drive.is_right
     assert "start_up_answer" in done.written
     assert re.search(r"^sign: right$", "\n".join(done.lines()), re.M)
+    assert (done.answer.badge, done.answer.sentence) == ("Yes", "sign and gain are right")
+    assert done.answer.next_command == f"pellucid export {tmp_path / 'bench'}"
     pellucid.export(pellucid.open(tmp_path / "bench"))
+
+
+@pytest.mark.parametrize(
+    ("drive", "badge", "reason"),
+    [
+        (DriveCheck(-1, 1.0, 0.01, 1e-3, 10), "No", "its sign is reversed"),
+        (DriveCheck(1, 1.4, 0.01, 1e-3, 10), "No", "its gain is 1.400 times the stated one"),
+        (DriveCheck(1, np.nan, np.nan, 1e-3, 10), "Yes (sign only)", ""),
+    ],
+)
+def test_a_commissioning_answers_whether_the_drive_follows(drive, badge, reason):
+    answer = Commissioning("logs", drive, Answers(None, np.nan, None, 0, 10), (), "arm").answer
+    assert (answer.badge, answer.reason) == (badge, reason)
+    assert answer.next_command == f"pellucid {'commission' if reason else 'export'} arm"

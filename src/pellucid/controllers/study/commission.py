@@ -16,6 +16,7 @@ from ..._given import read_given
 from ..._plugins import load_plugins
 from ...files.readers.read import read_columns
 from ...numerics.arguments import with_checked_arguments
+from ...study.answer import Answer, AnswerNumber, Basis, Step
 from ...study.study import Study
 from ..commissioning import Answers, DriveCheck, Robot, StartLog, answers, drive_check, record_starts
 from ..control_law import LAWS
@@ -38,6 +39,9 @@ MIN_START_ROWS = 100
 MAX_STUDY_BYTES = 10_000_000
 """Largest size of a study.toml that is written to [B]."""
 
+VIRTUAL_SOURCE = "virtual robot"
+"""Source of the starts of a study's virtual robot."""
+
 INSTRUMENTS_HEADER = "[rig.instruments]"
 """Table of study.toml that the answers are written to."""
 
@@ -56,12 +60,34 @@ class Commissioning:
         What start-up test and probe are to be held to.
     written : tuple of str
         Keys that were written into ``[rig.instruments]``; none where the drive is not right.
+    folder : str
+        Folder of the study.
     """
 
     source: str
     drive: DriveCheck
     answers: Answers
     written: tuple[str, ...]
+    folder: str = ""
+
+    @property
+    def answer(self) -> Answer:
+        """Whether the drive follows its commands, and what to do next."""
+        drive, reasons = self.drive, []
+        if drive.sign < 0:
+            reasons.append("its sign is reversed")
+        elif not drive.is_right:
+            reasons.append(f"its gain is {drive.gain:.3f} times the stated one")
+        known = np.isfinite(drive.gain)
+        said = "; ".join(reasons) or ("sign and gain are right" if known else "the sign is right; the gain is unknown")
+        numbers = [AnswerNumber("gain", drive.gain, "1")] if known else []
+        numbers.append(AnswerNumber("delay", drive.delay, "s"))
+        again = Step("Correct the wiring, or [rig.drive] in study.toml, then commission again", "commission")
+        return Answer(
+            "Does the drive follow its commands?", "no" if reasons else "yes", said, "; ".join(reasons), (),
+            tuple(numbers), Basis(drive.starts, drive.starts, "start", is_simulated=self.source == VIRTUAL_SOURCE),
+            next=(again if reasons else Step("Export again", "export"),), qualifier="" if known else "sign only",
+        ).in_folder(self.folder)  # fmt: skip
 
     def lines(self) -> tuple[str, ...]:
         """Return the lines of the printed summary."""
@@ -81,7 +107,7 @@ class Commissioning:
             made.append(f"probe_answer: {', '.join(f'{x:.3g}' for x in found.probe)} ({found.probe_windows} windows)")
         made += [f"note: {note}" for note in found.notes]
         if self.written:
-            made.append(f"study.toml: wrote {', '.join(self.written)} into {INSTRUMENTS_HEADER}; export again")
+            made.append(f"study.toml: wrote {', '.join(self.written)} into {INSTRUMENTS_HEADER}")
         else:
             made.append("study.toml: nothing written")
         return tuple(made)
@@ -165,12 +191,12 @@ def commission(
         empty = read_starts(logs or worn_logs)
         worn = read_starts(worn_logs) if worn_logs else empty
     else:
-        source = "robot" if robot is not None else "virtual robot"
+        source = "robot" if robot is not None else VIRTUAL_SOURCE
         empty, worn = _play(study, law, cast(Robot | None, robot), wearer, ask)
     drive = drive_check(empty, law.supervision["body_inertia"])
     found = answers(law, worn)
     written = state_answers(study.folder / "study.toml", found) if drive.is_right else ()
-    return Commissioning(source, drive, found, written)
+    return Commissioning(source, drive, found, written, str(study.folder))
 
 
 def _play(
