@@ -1063,11 +1063,24 @@ def _opened(folder: Path, out: Path | None, allow_outside: bool, accept_stale: b
 
 
 def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, Callable], Result]) -> None:
-    """Run a command on a study, then save and print its result."""
+    """Run a command on a study, then save and print its result; of recordings that are not fit, that it cannot say."""
     from .study.procedures.print_result import print_result
 
-    with show_progress() as tell:
-        result = run(study, tell)
+    try:
+        with show_progress() as tell:
+            result = run(study, tell)
+    except UnfitRecordingError as error:
+        from .study.procedures.refusal import write_refusal
+
+        answer, page = write_refusal(study, command, error)
+        if json:
+            _echo_json({"answers": [{"command": command, "procedure": command, **answer.table()}], "figures": []})
+        else:
+            console = make_console()
+            print_answer(console, answer)
+            print_line(console, f"Page: {page}" if page else f"Not written: {study.results_path}")
+            print_line(console, f"Next: {answer.next_command}")
+        raise
     try:
         study, elsewhere = result.save_somewhere(study)
     except OSError as error:

@@ -48,7 +48,10 @@ def export_answer(
 def _doubt(study: Study) -> str:
     """Return in a sentence that the exported model is in doubt by the answer that it was identified with; "" if not."""
     told = read_answers(study.results_path) if study.results_path.is_file() else []
-    doubted = [each for each in told if each.get("command") == MODEL_COMMAND and each.get("verdict") != "yes"]
+    # What nobody confirmed is said as an assumption of the export.
+    unconfirmed = [each for each in told if any(one.get("is_scale") for one in each.get("assumed", ()))]
+    identified = [each for each in told if each.get("command") == MODEL_COMMAND and each not in unconfirmed]
+    doubted = [each for each in identified if each.get("verdict") != "yes"]
     reasons = "; ".join(str(each.get("reason", "")).rstrip(".") for each in doubted)
     return f" The model is in doubt: {reasons}." if reasons else ""
 

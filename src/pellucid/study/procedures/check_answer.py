@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from ..study import Study
 
 MAX_NAMED_CHANNELS = 6
-"""Largest number of channels that the sentence names; the faults below it name all."""
+"""Largest number of channels with warnings that the sentence names; the warnings below it name all."""
+
+MAX_NAMED_FAULTS = 3
+"""Largest number of faults that the sentence names."""
 
 
 def check_answer(study: Study, faults: Sequence[Fault]) -> Answer:
@@ -32,11 +35,13 @@ def check_answer(study: Study, faults: Sequence[Fault]) -> Answer:
     verdict: AnswerVerdict = "no" if refused else "yes"
     if refused:
         faulty = "1 fault prevents" if len(refused) == 1 else f"{len(refused)} faults prevent"
-        said = reason = f"{faulty} their use: {_named(refused)}"
+        causes = _listed((f"{_place(fault)} ({fault.found})" for fault in refused), MAX_NAMED_FAULTS)
+        said = reason = f"{faulty} their use: {causes}"
         step = Step("Correct what the warnings name, then check again", "check")
     else:
         whole = "The recording" if count == 1 else f"All {count} recordings" if used == count else f"{used} of {count}"
-        said = f"{whole} can be used" + (f"; see the warnings on {_named(warned)}" if warned else "")
+        places = _listed(map(_place, warned), MAX_NAMED_CHANNELS)
+        said = f"{whole} can be used" + (f"; see the warnings on {places}" if warned else "")
         reason, step = "", Step("Use the recordings", command)
     basis = Basis(used, count, is_simulated=study.config.simulated, is_worn=study.config.worn)
     question = f"Are these recordings fit to be used by {command}?"
@@ -44,8 +49,13 @@ def check_answer(study: Study, faults: Sequence[Fault]) -> Answer:
     return replace(answer, assumed=assumptions_of(study)).in_folder(study.folder)
 
 
-def _named(faults: Sequence[Fault]) -> str:
-    """Return the channels of faults, each with its file."""
-    where = list(dict.fromkeys(f"{f.channel} of {f.file}" if f.channel else f.file for f in faults))
-    more = f" and {len(where) - MAX_NAMED_CHANNELS} more" if len(where) > MAX_NAMED_CHANNELS else ""
-    return f"{', '.join(where[:MAX_NAMED_CHANNELS])}{more}"
+def _place(fault: Fault) -> str:
+    """Return the channel of a fault with its file."""
+    return f"{fault.channel} of {fault.file}" if fault.channel else fault.file
+
+
+def _listed(texts: Iterable[str], most: int) -> str:
+    """Return texts in a row, each once and at most so many."""
+    once = list(dict.fromkeys(texts))
+    more = f" and {len(once) - most} more" if len(once) > most else ""
+    return f"{', '.join(once[:most])}{more}"

@@ -1,0 +1,46 @@
+"""The answer of a command whose recordings `check` refuses: files and page are written, and say why."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+
+from ..._errors import PellucidError, UnfitRecordingError
+from ..answer import Answer, Basis, Step
+from ..kept import hold_lock
+from ..pages.page import Page, write_page
+from ..pages.quantities import typeset_sentence
+from ..results import replace_rows
+from ..study import Study
+from .complete_answer import assumptions_of
+from .procedure import typed_command
+
+
+def write_refusal(study: Study, command: str, error: UnfitRecordingError) -> tuple[Answer, Path | None]:
+    """Write the answer "cannot say" of a command to results.json and as the page of the report.
+
+    Return it with the page, which is None where nothing can be written.
+
+    The command's earlier rows are removed: they are not of the recordings as they are now.
+    """
+    first, *others = str(error).splitlines()
+    more = f" (and {len(others)} further fault{'' if len(others) == 1 else 's'})" if others else ""
+    reason = f"the recordings are not fit to be used: {first.rstrip('.')}{more}"
+    question = f"What does {typed_command(command)} find in these recordings?"
+    count = len(study.recordings())
+    basis = Basis(0, count, is_simulated=study.config.simulated, is_worn=study.config.worn)
+    step = Step("Correct what the warnings name, then check again", "check")
+    answer = Answer(question, "cannot say", reason, reason, (), (), basis, assumptions_of(study), (step,))
+    answer = answer.in_folder(study.folder)
+    page = Page(
+        study.name, typed_command(command), answer=answer,
+        verdicts=tuple(("wrong", typeset_sentence(text)) for text in (first, *others)),
+        footer=f"Written by pellucid {version('pellucid')}.",
+    )  # fmt: skip
+    # The command ends with the reason in any case, also where nothing can be written.
+    with suppress(OSError, PellucidError):
+        with hold_lock(study.results_path):
+            replace_rows(study.results_path, command, (), [{"procedure": command, **answer.table()}])
+        return answer, write_page(study.report_dir, page)
+    return answer, None

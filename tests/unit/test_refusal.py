@@ -1,0 +1,66 @@
+"""A command whose recordings are refused cannot say, and says why in results.json and on its page."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from pellucid._errors import UnfitRecordingError
+from pellucid.cli import app
+from pellucid.study.results import read_answers
+
+STUDY = """
+name = "dead"
+[rig]
+motion = "rotary"
+[rig.drive]
+kind = "torque"
+[channels]
+time = { column = "t", unit = "s" }
+position = { column = "q", unit = "rad" }
+torque = { column = "u", unit = "N*m" }
+[[recordings]]
+name = "a"
+file = "a.csv"
+use = "fit"
+"""
+
+
+@pytest.fixture
+def dead(tmp_path):
+    """A study whose torque is 0 in every sample."""
+    t = np.arange(0.0, 20.0, 0.005)
+    q = 0.5 * np.sin(2.5 * t) + 0.2 * np.sin(6.9 * t)
+    np.savetxt(tmp_path / "a.csv", np.c_[t, q, 0.0 * q], delimiter=",", header="t,q,u", comments="")
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    return tmp_path
+
+
+def test_refused_recordings_leave_an_answer_in_every_form(dead):
+    """Nothing was written: a script found the results of earlier recordings."""
+    done = CliRunner().invoke(app, ["identify", str(dead), "-q"])
+    assert isinstance(done.exception, UnfitRecordingError)  # `main` prints it, and ends with status 1
+    (told,) = read_answers(dead / "results.json")
+    assert (told["command"], told["verdict"]) == ("identify", "cannot say")
+    assert "the one value 0" in told["reason"]
+    assert told["based_on"]["sentence"] == "Based on 0 of 1 recording, measured."
+    assert told["next"][0]["command"] == f"pellucid check {dead}"
+    assert f"Cannot say. {told['said'][:40]}" in done.stdout
+    page = (dead / "report" / "index.html").read_text(encoding="utf-8")
+    assert 'class="badge">Cannot say<' in page
+    assert "the one value 0" in page
+    printed = CliRunner().invoke(app, ["identify", str(dead), "-q", "--json"])
+    assert json.loads(printed.stdout)["answers"] == [told]
+
+
+def test_a_check_says_why_recordings_are_not_fit(dead):
+    done = CliRunner().invoke(app, ["check", str(dead), "-q"])
+    question, said, based_on, *_ = done.stdout.splitlines()
+    assert done.exit_code == 1
+    assert question == "Are these recordings fit to be used by identify?"
+    assert said.startswith("No. 1 fault prevents their use: torque of a.csv (the one value 0 N·m")
+    assert based_on == "Based on 0 of 1 recording, measured."
+    table = json.loads(CliRunner().invoke(app, ["check", str(dead), "-q", "--json"]).stdout)
+    assert table["answer"]["verdict"] == "no"
+    assert [fault["severity"] for fault in table["faults"]] == ["refuse"]
