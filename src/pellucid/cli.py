@@ -1079,7 +1079,7 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
             console = make_console()
             print_answer(console, answer)
             print_line(console, f"Page: {page}" if page else f"Not written: {study.results_path}")
-            print_line(console, f"Next: {answer.next_command}")
+            print_steps(console, answer)
         raise
     try:
         study, elsewhere = result.save_somewhere(study)

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from ...files.fault import Fault
     from ..study import Study
 
+CORRECT_RECORDINGS_STEP = Step("Correct what is named, or record again; then check the study again")
+"""What to do with recordings that are not fit; a command would end with status 1 until that is done."""
+
 MAX_NAMED_CHANNELS = 6
 """Largest number of channels with warnings that the sentence names; the warnings below it name all."""
 
@@ -37,7 +40,7 @@ def check_answer(study: Study, faults: Sequence[Fault]) -> Answer:
         faulty = "1 fault prevents" if len(refused) == 1 else f"{len(refused)} faults prevent"
         causes = _listed((f"{_place(fault)} ({fault.found})" for fault in refused), MAX_NAMED_FAULTS)
         said = reason = f"{faulty} their use: {causes}"
-        step = Step("Correct what the warnings name, then check again", "check")
+        step = CORRECT_RECORDINGS_STEP
     else:
         whole = "The recording" if count == 1 else f"All {count} recordings" if used == count else f"{used} of {count}"
         places = _listed(map(_place, warned), MAX_NAMED_CHANNELS)

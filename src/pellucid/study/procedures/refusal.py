@@ -7,12 +7,13 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ..._errors import PellucidError, UnfitRecordingError
-from ..answer import Answer, Basis, Step
+from ..answer import Answer, Basis
 from ..kept import hold_lock
 from ..pages.page import Page, write_page
 from ..pages.quantities import typeset_sentence
 from ..results import replace_rows
 from ..study import Study
+from .check_answer import CORRECT_RECORDINGS_STEP
 from .complete_answer import assumptions_of
 from .procedure import typed_command
 
@@ -30,12 +31,12 @@ def write_refusal(study: Study, command: str, error: UnfitRecordingError) -> tup
     question = f"What does {typed_command(command)} find in these recordings?"
     count = len(study.recordings())
     basis = Basis(0, count, is_simulated=study.config.simulated, is_worn=study.config.worn)
-    step = Step("Correct what the warnings name, then check again", "check")
-    answer = Answer(question, "cannot say", reason, reason, (), (), basis, assumptions_of(study), (step,))
-    answer = answer.in_folder(study.folder)
+    answer = Answer(
+        question, "cannot say", reason, reason, (), (), basis, assumptions_of(study), next=(CORRECT_RECORDINGS_STEP,)
+    )
     page = Page(
         study.name, typed_command(command), answer=answer,
-        verdicts=tuple(("wrong", typeset_sentence(text)) for text in (first, *others)),
+        verdicts=tuple(("wrong", typeset_sentence(text)) for text in others),
         footer=f"Written by pellucid {version('pellucid')}.",
     )  # fmt: skip
     # The command ends with the reason in any case, also where nothing can be written.
