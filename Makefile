@@ -17,7 +17,7 @@ NUMERIC = tests/property tests/real \
   $(shell grep -lE 'pellucid\.($(ARRAYS)|emg\.(estimators|signals|fit|cocontraction))' tests/unit/test_*.py)
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp engine/*.cpp engine/*.hpp) CMakeLists.txt pyproject.toml lab/pyproject.toml
 
-.PHONY: demo test nightly refresh-pages core-test numeric-test fuzz bench evidence wheels reference site clean
+.PHONY: demo test nightly refresh-pages refresh-notebooks core-test numeric-test fuzz bench evidence wheels reference site clean
 
 demo: $(VENV)/.installed
 	$(BIN)/pellucid demo --out $(DEMO)
@@ -35,6 +35,13 @@ nightly: test
 # Write what the program prints now into the pages, where they show something else. Look at the difference after it.
 refresh-pages: $(VENV)/.tested
 	PELLUCID_REFRESH_PAGES=1 $(PYTEST) -m '' -k test_blocks_run_as_written tests/rules/test_tutorials.py
+
+# Run the notebooks and store what they show now. A folder of their own takes the files that they write.
+refresh-notebooks: $(VENV)/.tested
+	$(BIN)/uv pip install -q --python $(BIN)/python -r pyproject.toml --extra site
+	rm -rf build/notebooks && mkdir -p build/notebooks && cp examples/*.ipynb build/notebooks
+	$(BIN)/jupyter nbconvert --to notebook --execute --inplace --ExecutePreprocessor.record_timing=False build/notebooks/*.ipynb
+	cp build/notebooks/*.ipynb examples
 
 numeric-test: $(VENV)/.tested
 	$(PYTEST) $(PARALLEL) -q -m 'not slow and not nightly and not real_time' $(NUMERIC)
