@@ -228,6 +228,9 @@ def test_one_participant_is_described_and_not_tested(tmp_path):
     found = assess(study)
     assert found.assessed["duration"].comparison.friedman is None
     assert "With one participant there is no test" in found.paragraph
+    assert found.answer.reason == "with one participant, no test is possible"
+    assert [part.reason for part in found.answer.parts] == [found.answer.reason] * len(found.answer.parts)
+    assert "Record the next participant" in found.answer.following[0]
     assert any("A test needs more participants" in v.text for v in found.verdicts)
     assert value(found, "assess.duration.pcfr.mean") > value(found, "assess.duration.ctrl.mean")
     assert write_report(study, found).is_file()

@@ -99,13 +99,14 @@ def _change_answer(found: AssessmentResult) -> Answer:
     """Return whether conditions change the leading index, naming each condition that a test tells from control."""
     each = found.assessed.get(leading_index().name) or next(iter(found.assessed.values()))
     alpha = 1.0 - found.confidence
+    alone = "with one participant, no test is possible" if len(found.participants) == 1 else ""
     differing = {name: _differing(found, own, alpha) for name, own in found.assessed.items()}
     parts = []
     for condition in (c for c in found.conditions if c != found.control):
         names = [name for name, conditions in differing.items() if condition in conditions]
         words = ", ".join(lowered(found.assessed[name].table.index.words) for name in names)
         told = condition in differing[each.name]
-        reason = f"differs in {words}" if names else "no test finds a difference from control"
+        reason = f"differs in {words}" if names else alone or "no test finds a difference from control"
         parts.append(AnswerPart(condition, "yes" if told else "cannot say", reason))
     others: dict[tuple[str, ...], list[str]] = {}
     for name, conditions in differing.items():
@@ -113,7 +114,8 @@ def _change_answer(found: AssessmentResult) -> Answer:
             others.setdefault(tuple(conditions), []).append(lowered(found.assessed[name].table.index.words))
     also = "".join(f" {' and '.join(told)} also different in: {', '.join(words)}." for told, words in others.items())
     told = any(part.verdict == "yes" for part in parts)
-    reason = "" if told else f"no test finds a difference from {found.control} in {lowered(each.table.index.words)}"
+    without = f"no test finds a difference from {found.control} in {lowered(each.table.index.words)}"
+    reason = "" if told else alone or without
     return Answer(
         f"Do these conditions change people's {lowered(each.table.index.words)}, against {found.control}?",
         "yes" if told else "cannot say",
@@ -133,8 +135,9 @@ def _differing(found: AssessmentResult, each: Assessed, alpha: float) -> list[st
 
 def _margin_step(found: AssessmentResult) -> Step:
     """Return what to do next where nothing is certified: record another person, or state margins."""
-    if found.has_margins:
-        return Step("Record the next participant: margins are tested with two or more participants")
+    if found.has_margins or len(found.participants) == 1:
+        tested = "margins" if found.has_margins else "conditions"
+        return Step(f"Record the next participant: {tested} are tested with two or more participants")
     text = "State the allowed change of each index in `[assessment.margins]`, then check the study"
     return Step(text, "check")
 
