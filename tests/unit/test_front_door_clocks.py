@@ -12,6 +12,7 @@ from pellucid.files.delay import _resample
 from pellucid.files.name_evidence import read_name
 from pellucid.files.readers._wall_clock import stamp_seconds
 from pellucid.files.readers.read import read_columns
+from pellucid.start.inference.clocks import find_clock_period
 from pellucid.start.init_from_files import init_from_files
 from pellucid.start.try_log import try_log
 from pellucid.units import to_si_factor
@@ -394,3 +395,52 @@ def test_labels_share_a_clock_if_their_messages_are_sent_in_turn(tmp_path, late,
     path.write_text("\n".join(["time_s,joint,angle_rad", *rows, ""]), encoding="utf-8")
     columns = read_columns(path).values
     assert {name for name in columns if name.startswith("time")} == clocks
+
+
+def test_milliseconds_within_a_second_start_again_after_a_thousand():
+    assert find_clock_period((10.0 * np.arange(2500)) % 1000.0) == 1000.0
+
+
+@pytest.mark.parametrize("lengths", [(2000, 2000, 2000), (2000, 1400, 1700)])
+def test_trials_in_one_file_are_parted_by_gaps(tmp_path, lengths):
+    rows = []
+    for trial, n in enumerate(lengths, 1):
+        columns = (x[:n] for x in swing(seed=trial))
+        rows += [f"{trial},{a:.3f},{b:.5f},{c:.5f}" for a, b, c in zip(*columns, strict=True)]
+    path = tmp_path / "all.csv"
+    path.write_text("\n".join(["trial,time,angle_rad,torque_Nm", *rows, ""]), encoding="utf-8")
+    init_from_files(tmp_path / "study", [path])
+    study = pl.open(tmp_path / "study")
+    parts = [np.diff(recording.time) for recording in study.recordings()]
+    assert sum(int(np.sum(steps > 1.0)) for steps in parts) in (len(lengths) - 2, len(lengths) - 1)
+    assert all(np.all(steps > 0.0) for steps in parts)
+    found = {row.id.removeprefix("study.headline."): row.value for row in pl.identify(study).rows}
+    assert found["inertia"] == pytest.approx(INERTIA, rel=0.03)
+
+
+def test_a_clock_that_rolls_over_in_motion_has_no_gap(tmp_path):
+    t, q, tau = swing(seconds=180.0, rate=50.0)
+    found = proposed(written(tmp_path / "minute.csv", "time_s,angle_rad,torque_Nm", (t % 60.0, q, tau)))
+    assert found.main.roles.clock.period == 60.0
+
+
+def test_a_leap_across_the_gap_between_trials_is_no_rollover(tmp_path):
+    t, q, tau = swing(seconds=40.0)
+    high, low = int(np.argmax(q[1000:])) + 1001, int(np.argmin(q[:3000]))
+    parts = [slice(0, high), slice(low, len(q))]
+    columns = [np.concatenate([t[part] - t[part.start] for part in parts])]
+    columns += [np.concatenate([x[part] for part in parts]) for x in (q, tau)]
+    init_from_files(tmp_path / "study", [written(tmp_path / "two.csv", "time_s,angle_rad,torque_Nm", columns)])
+
+
+def test_the_joint_of_a_machine_in_opensims_files_is_no_persons(tmp_path):
+    t, q, tau = swing()
+    head = "Coordinates\nversion=1\nnRows={}\nnColumns=2\ninDegrees={}\nendheader\n"
+    motion, drive = tmp_path / "exo_q.mot", tmp_path / "exo_actuation.sto"
+    files = (motion, "yes", "exo_knee", np.degrees(q)), (drive, "no", "exo_knee_motor_torque", tau)
+    for path, is_in_degrees, name, x in files:
+        rows = "\n".join(f"{a:.3f}\t{b:.6f}" for a, b in zip(t, x, strict=True))
+        path.write_text(f"{head.format(len(t), is_in_degrees)}time\t{name}\n{rows}\n", encoding="utf-8")
+    found = proposed(motion, drive)
+    assert roles_of(found) == {"exo_knee": "position", "exo_knee_motor_torque": "torque"}
+    assert not found.is_person

@@ -13,6 +13,7 @@ from pellucid.start.given_files import read_given, tables_of_columns
 from pellucid.start.init_from_files import missing_part
 from pellucid.start.proposal_page import proposal_page
 from pellucid.start.propose_study import propose_study, require_signed_effort
+from pellucid.start.study_text import study_text
 from pellucid.start.try_log import try_log
 
 INERTIA, GRAVITY, VISCOUS, COULOMB = 0.05, 2.0, 0.06, 0.2
@@ -307,3 +308,18 @@ def test_a_proposals_page_says_whether_it_rests_on_assumptions(tmp_path, answers
     answer = proposal_page(propose_study(read_given([path]), "study", answers), tmp_path).answer
     assert answer.badge == badge
     assert bool(answer.assumed) == (not answers)
+
+
+def test_a_force_plate_beside_a_log_is_no_part_of_its_joint(tmp_path):
+    t, q, _, tau = swing()
+    exo = written(tmp_path / "exo.csv", "time_s,hip_angle_deg,motor_torque_Nm", [t, np.degrees(q), tau])
+    late = np.arange(0.0, 20.0, 1e-3)
+    load = 800.0 * np.clip(np.sin(5.6 * late), 0.0, None)
+    names = "Time,FP1_Fx,FP1_Fy,FP1_Fz,FP1_Mx,FP1_My,FP1_Mz"
+    plate = written(
+        tmp_path / "treadmill.csv", names, [late, 0.1 * load, 0.2 * load, load, 0.1 * load, 0.3 * load, load]
+    )
+    found = proposed(exo, plate)
+    assert roles_of(found)["FP1_Fx"][0] == "force"
+    text = study_text(found, {id(table): table.path.name for table in (*found.main.tables, *found.given.tables)})
+    assert "join = true" not in text

@@ -72,6 +72,27 @@ class SampleClock:
     farthest: float = 0.0
 
 
+MAX_RESTART_SHARE = 0.01
+"""A clock has started again where it falls by more than this share of its period, to within this share above its
+lowest number. Stamps of packets that arrive out of order fall by less, and anywhere. Chosen by judgement."""
+
+
+def unwrap_clock(values: np.ndarray, period: float) -> np.ndarray:
+    """Return the stamps of a clock that starts again, (n,), later by one more `period` after each start; NaN stays.
+
+    A counter rolls over after its period. Trials may be shorter: what a trial lacks of a period is a gap before the
+    next one.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    stamps = np.array(values, float)
+    if len(known) > 1:
+        x = stamps[known]
+        starts = (np.diff(x) < -MAX_RESTART_SHARE * period) & (x[1:] <= x.min() + MAX_RESTART_SHARE * period)
+        starts |= np.diff(x) < -0.5 * period
+        stamps[known] += period * np.concatenate(([0], np.cumsum(starts)))
+    return stamps
+
+
 def first_deliveries(time: np.ndarray, samples: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return a mask of the rows that do not repeat the packet before, shape (n,) bool.
 

@@ -17,7 +17,14 @@ from .._errors import StudyError
 from ..files.clock import first_deliveries
 from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
 from ..files.file_facts import FileFact, find_drive_facts, find_encoder_counts, find_rate
-from ..files.name_evidence import NameEvidence, quantity_of_unit, read_name, with_stated_unit, words_of
+from ..files.name_evidence import (
+    MACHINE_WORDS,
+    NameEvidence,
+    quantity_of_unit,
+    read_name,
+    with_stated_unit,
+    words_of,
+)
 from ..files.recording import LOCKED_SPRING_PROTOCOL, MAXIMAL_PROTOCOL
 from ..files.stated_units import scaled_unit_from_text, unit_from_text
 from ..study.drive_channel import DRIVE_CHANNELS
@@ -750,7 +757,8 @@ def _says_effort(evidence: NameEvidence) -> bool:
 def _names_people(table: GivenTable, *, shows_people: bool) -> bool:
     """Whether most columns are named after joints or muscles of people, as motion capture names them."""
     found = [read_name(name) for name in table.columns]
-    named = [e for e in found if e.joint is not None or e.muscle is not None]
+    persons = [e for e in found if not MACHINE_WORDS & set(words_of(e.bare))]
+    named = [e for e in persons if e.joint is not None or e.muscle is not None]
     if any(e.quantity in ("current", "voltage", "duty") or e.is_command or e.is_machine for e in found):
         return False
     # A dynamometer or an orthosis turns a joint, and EMG stands beside it: its own columns name no joint.

@@ -16,6 +16,7 @@ from ..files.file_facts import FileFact
 from ..files.name_evidence import read_name
 from ..files.recording import MAXIMAL_PROTOCOL
 from ..study.answer import Assumption
+from ..study.drive_channel import DRIVE_CHANNELS
 from ..units import to_si_factor
 from .given_files import GivenTable
 from .inference.angle_units import ANGLE_LIMITS, MAX_RADIAN_RANGE
@@ -478,7 +479,9 @@ def _stream(layout: Layout, proposal: Proposal) -> list[str]:
     first, main = layout.tables[0], proposal.main.tables[0]
     is_clocked_alike = first.path == main.path or (layout.roles.clock.column is None and first.rows == main.rows)
     if not proposal.is_person and proposal.drive is not None:
-        if is_clocked_alike or any(r.quantity in DRIVE_QUANTITIES for r in layout.channels):
+        own, efforts = {r.quantity for r in proposal.main.channels}, DRIVE_CHANNELS[proposal.drive]
+        needed = {"supply", *(() if own.intersection(efforts) else efforts)} - own
+        if is_clocked_alike or any(r.quantity in needed for r in layout.channels):
             lines += [f"[streams.{layout.stream}]", "join = true"]
         if is_clocked_alike:
             lines += ['offset = "0 s"  # the same rows as the recordings', "drift = 0"]

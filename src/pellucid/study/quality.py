@@ -398,12 +398,15 @@ def _check_wrap(watched: WatchedRecording, specs: Mapping[str, ChannelSpec], add
             wanted = f"a continuous one: {name} = {{ {write} }} in [channels]"
             add("refuse" if name in watched.channels else "note", "wrap", name, found=what, expected=wanted)
         elif name.partition(".")[0] == "position" and name in watched.channels:
-            _check_jump(name, x, add)
+            parted = [span.start - 1 for span in watched.recording.spans if span.start > 0]
+            _check_jump(name, x, parted, add)
 
 
-def _check_jump(name: str, q: np.ndarray, add: AddFault) -> None:
+def _check_jump(name: str, q: np.ndarray, parted: list[int], add: AddFault) -> None:
+    """Refuse a position, shape (n,), that leaps; a step from one of the samples `parted` to the next crosses a cut."""
     moved = np.diff(q)
     np.abs(moved, out=moved)
+    moved[parted] = 0.0
     known = np.isfinite(q)
     span = float(np.ptp(q if known.all() else q[known])) if known.any() else 0.0
     jumps = np.flatnonzero(moved > 0.5 * span)

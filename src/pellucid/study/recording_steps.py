@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .._errors import RecordingError
-from ..files.clock import first_deliveries
+from ..files.clock import first_deliveries, unwrap_clock
 from ..files.cut import Cut
 from ..files.defects.garbage import KIND as GARBAGE_KIND
 from ..files.defects.garbage import find_garbage, zeroed_rows, zeroed_text
@@ -617,6 +617,8 @@ def _to_si(stored: np.ndarray, spec: ChannelSpec, less: np.ndarray | None = None
         values *= spec.si_factor
     if spec.si_offset:
         values += spec.si_offset
+    if spec.wrap is not None and spec.name == "time":
+        return unwrap_clock(values, spec.wrap)
     if spec.wrap is not None:
         _unwrap(values, spec.wrap)
     return values

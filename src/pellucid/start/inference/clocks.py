@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...files.clock import MAX_RESTART_SHARE, unwrap_clock
 from ...files.name_evidence import NameEvidence
 
 UNIT_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
@@ -49,6 +50,14 @@ class TimeLimits:
     max_rollover_steps: float = 50.0
     # A clock that rolls over falls by at least this share of its range.
     min_rollover_fall_share: float = 0.5
+    # A clock starts again with each trial only if each has so many rows.
+    min_trial_rows: int = 50
+    # Trials are parted by so many usual steps, which no interpolation bridges.
+    trial_gap_steps: float = 200.0
+    # A column moves smoothly if no step is larger than this share of its standard deviation. It jumps where it
+    # changes by more than so many times its largest other step.
+    max_smooth_step_share: float = 0.2
+    min_jump_ratio: float = 1.5
     # Even steps replace stamps that jitter if a column is predicted with this share of the error, in most of so many
     # columns whose error is below this share of their spread.
     max_smoother_ratio: float = 0.7
@@ -79,10 +88,7 @@ class FoundClock:
 
     def seconds(self, values: np.ndarray) -> np.ndarray:
         """Return the clock's column, shape (n,), in seconds, without the jumps of a clock that starts again."""
-        times = np.array(values, float)
-        if self.period is not None:
-            known = np.isfinite(times)
-            times[known] = np.unwrap(times[known], period=self.period)
+        times = np.array(values, float) if self.period is None else unwrap_clock(values, self.period)
         return times * UNIT_SECONDS[self.unit]
 
     def in_unit(self, unit: str, why: str) -> FoundClock:
@@ -110,14 +116,16 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
     """
     candidates = []
     periods: dict[str, float] = {}
+    restarts: set[str] = set()
     columns = dict(columns)
     for evidence in names:
         values = columns[evidence.name]
         period = find_clock_period(values) if evidence.quantity in (None, "time", "counter") else None
+        if evidence.quantity == "time" and (span := _trial_period(values, period, columns)) is not None:
+            period = span
+            restarts.add(evidence.name)
         if period is not None:
-            known = np.isfinite(values)
-            values = columns[evidence.name] = np.array(values, float)
-            values[known] = np.unwrap(values[known], period=period)
+            values = columns[evidence.name] = unwrap_clock(values, period)
             periods[evidence.name] = period
         score = _clock_score(values)
         by_name = evidence.quantity == "time" or (score is not None and _ends_in_time(evidence))
@@ -142,6 +150,9 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
     period = periods.get(best.name)
     if period is None:
         return found
+    if best.name in restarts:
+        why = f"{found.why}; it starts again with each trial, and a gap parts them"
+        return replace(found, period=period, why=why)
     return replace(found, period=period, why=f"{found.why}; it starts again at 0 after {period:.12g}")
 
 
@@ -175,12 +186,52 @@ def find_clock_period(values: np.ndarray) -> float | None:
     usual = float(np.median(positive))
     largest = TIME_LIMITS.max_rollover_steps * usual
     fallen = -steps[falls]
-    for period in CLOCK_PERIODS:
-        if known.max() <= period and np.all(period - fallen > -1e-9 * period) and np.all(period - fallen <= largest):
-            return period
+    fitting = [
+        period
+        for period in CLOCK_PERIODS
+        if known.max() <= period and np.all(period - fallen > -1e-9 * period) and np.all(period - fallen <= largest)
+    ]
+    if fitting:
+        return min(fitting, key=lambda period: abs(float(np.median(period - fallen)) - usual))
     # An unknown period shows itself by equal jumps, of which each ends near 0.
     is_alike = len(falls) >= 3 and float(np.ptp(fallen)) <= 3.0 * usual and np.all(known[falls + 1] <= largest)
     return float(np.mean(fallen)) + usual if is_alike else None
+
+
+def _trial_period(values: np.ndarray, period: float | None, columns: Mapping[str, np.ndarray]) -> float | None:
+    """Return a period that puts a gap between the trials of a clock, shape (n,), which starts again with each of them.
+
+    None for a clock that does not, and for one whose `period` rolls over: there, the motion goes on.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    x = values[known]
+    if len(x) < 2 * TIME_LIMITS.min_trial_rows:
+        return None
+    steps, near = np.diff(x), MAX_RESTART_SHARE * float(np.ptp(x))
+    starts = np.flatnonzero(steps < -near) + 1
+    rest = np.delete(steps, starts - 1)
+    if not starts.size or np.any(rest < 0.0) or np.any(np.diff([0, *starts, len(x)]) < TIME_LIMITS.min_trial_rows):
+        return None
+    if np.any(x[[0, *starts]] > x.min() + near):
+        return None
+    if period is not None and not _has_jumps((own for own in columns.values() if own is not values), known[starts]):
+        return None
+    usual = float(np.median(rest[rest > 0.0])) if np.any(rest > 0.0) else 0.0
+    return float(f"{float(np.ptp(x)) + TIME_LIMITS.trial_gap_steps * usual:.6g}") if usual else None
+
+
+def _has_jumps(columns: Iterable[np.ndarray], rows: np.ndarray) -> bool:
+    """Whether one of some columns that moves smoothly jumps at most of some rows."""
+    for x in columns:
+        if len(x) <= rows[-1]:
+            continue
+        steps = np.abs(np.diff(x))
+        others = np.delete(steps, rows - 1)
+        others = others[np.isfinite(others)]
+        is_smooth = others.size and 0.0 < others.max() < TIME_LIMITS.max_smooth_step_share * float(np.nanstd(x))
+        if is_smooth and np.mean(steps[rows - 1] > TIME_LIMITS.min_jump_ratio * others.max()) > 0.5:
+            return True
+    return False
 
 
 def _clock_of(
