@@ -444,3 +444,27 @@ def test_the_joint_of_a_machine_in_opensims_files_is_no_persons(tmp_path):
     found = proposed(motion, drive)
     assert roles_of(found) == {"exo_knee": "position", "exo_knee_motor_torque": "torque"}
     assert not found.is_person
+
+
+def test_runs_of_different_lengths_have_clocks_of_their_own(tmp_path):
+    columns, names = [], []
+    for run, n in ((1, 2000), (2, 1500), (3, 1800)):
+        columns += [np.concatenate([x[:n], np.full(2000 - n, np.nan)]) for x in swing(seed=run)]
+        names += [f"{name} Run #{run}" for name in ("Time (s)", "Angle (rad)", "Torque (N·m)")]
+    path = tmp_path / "capstone.csv"
+    rows = [",".join("" if np.isnan(x) else f"{x:.6g}" for x in row) for row in zip(*columns, strict=True)]
+    path.write_text("\n".join([",".join(names), *rows, ""]), encoding="utf-8")
+    init_from_files(tmp_path / "study", [path])
+    assert [len(recording) for recording in pl.open(tmp_path / "study").recordings()] == [2000, 1500, 1800]
+
+
+def test_files_without_a_header_continue_the_one_with_it(tmp_path):
+    columns = swing(seconds=60.0)
+    for k, header in enumerate(("time_s,angle_rad,torque_Nm\n", "", "")):
+        rows = np.column_stack(columns)[2000 * k : 2000 * (k + 1)]
+        text = "\n".join(",".join(f"{x:.5f}" for x in row) for row in rows)
+        (tmp_path / f"log_{k}.csv").write_text(f"{header}{text}\n", encoding="utf-8")
+    found = init_from_files(tmp_path / "study", sorted(tmp_path.glob("log_*.csv"))).proposal
+    assert len(found.recordings) == 3
+    assert [question.key for question in found.asked] == ["worn", "angle_zero"]
+    assert [len(recording) for recording in pl.open(tmp_path / "study").recordings()] == [2000, 2000, 2000]

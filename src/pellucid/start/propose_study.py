@@ -577,7 +577,32 @@ def _grouped(tables: Sequence[GivenTable]) -> list[list[GivenTable]]:
     groups: dict[tuple[object, ...], list[GivenTable]] = {}
     for table in tables:
         groups.setdefault(table.signature, []).append(table)
-    return _with_supersets(list(groups.values()))
+    return _with_supersets(_with_headless(list(groups.values())))
+
+
+def _with_headless(groups: list[list[GivenTable]]) -> list[list[GivenTable]]:
+    """Return groups in which tables without names stand behind those whose columns they continue.
+
+    A logger that begins a new file now and then writes the names into the first one alone.
+    """
+    named = [list(group) for group in groups if not all(name.isdigit() for name in group[0].columns)]
+    rest = [group for group in groups if all(name.isdigit() for name in group[0].columns)]
+    for group in rest:
+        continued = [other for other in named if all(_continues(table, other[0]) for table in group)]
+        (continued[0].extend if len(continued) == 1 else named.append)(group)
+    return named
+
+
+def _continues(table: GivenTable, first: GivenTable) -> bool:
+    """Whether a table may continue a named one: of as many columns, each within reach of its range, but for a clock."""
+    if len(table.columns) != len(first.columns) or table.path.suffix != first.path.suffix or first.key:
+        return False
+    for (name, known), x in zip(first.columns.items(), table.columns.values(), strict=True):
+        if read_name(name).quantity in ("time", "counter"):
+            continue
+        if not (np.nanmin(x) <= np.nanmax(known) and np.nanmin(known) <= np.nanmax(x)):
+            return False
+    return True
 
 
 def _with_supersets(groups: list[list[GivenTable]]) -> list[list[GivenTable]]:

@@ -609,10 +609,13 @@ def _recording(recording: ProposedRecording, proposal: Proposal, files: Mapping[
     window = recording.window or _sound_window(recording, proposal)
     if window is not None:
         lines.append(f'window = ["{window[0]:.12g} s", "{window[1]:.12g} s"]')
+    time = recording.columns.get(proposal.main.roles.clock.column or "")
+    if time is not None:
+        lines.append(f"channels.time = {{ column = {_column(time, recording.table)} }}")
     for role in proposal.main.channels:
         other, own = recording.columns.get(role.column), _in_study(role, proposal)
         if other is not None and own is not None:
-            lines.append(f"channels.{_key(channel_name(own))} = {{ column = {_text(other)} }}")
+            lines.append(f"channels.{_key(channel_name(own))} = {{ column = {_column(other, recording.table)} }}")
     for role in recording.extras:
         mark = channel_mark(role, proposal) or (MARK_GUESS if role.is_guess else "")
         comment = f"{mark}: {role.why}" if mark else role.why
