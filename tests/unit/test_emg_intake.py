@@ -76,6 +76,30 @@ def test_a_full_name_is_surer_than_two_letters():
     assert sure[0] == 1.0
 
 
+@pytest.mark.parametrize(
+    ("labels", "muscle", "is_asked"),
+    [
+        (("VL", "GM", "TA"), "gastrocnemius_medialis", True),
+        (("VL", "GM", "GL"), "gastrocnemius_medialis", False),
+        (("VL", "BICEPS", "TA"), "biceps_femoris", False),
+        (("BRACHIALIS", "BICEPS", "TRICEPS"), "biceps", False),
+        (("TRICEPS", "BICEPS", "DELTOID"), "biceps", False),
+        (("SOL", "BICEPS", "BRACHIALIS"), "biceps", True),
+    ],
+)
+def test_a_label_of_several_muscles_is_settled_by_the_others_or_asked_for(tmp_path, labels, muscle, is_asked):
+    t, x = bursts(seconds=6.0)
+    path = written(tmp_path / "walk.csv", ["time_s", *(f"{label}_mV" for label in labels)], [t, *(1e3 * x.T)])
+    proposal = propose_study(read_given([path]), "s")
+    column = f"{labels[1]}_mV"
+    assert next(r.label for r in proposal.main.channels if r.column == column) == muscle
+    assert ("muscles" in {q.key for q in proposal.asked}) == is_asked
+    if is_asked:
+        said = {"muscles": f"{column} = gluteus medius"}
+        made = front_door.init_from_files(tmp_path / "study", [path], answers=said)
+        assert "emg.gluteus_medius" in made.text
+
+
 @pytest.mark.parametrize("name", ["reset", "rst", "res", "pl", "tp", "torque", "stroke", "robot_arm", "time"])
 def test_other_words_name_no_muscle(name):
     assert read_name(name).muscle is None

@@ -6,8 +6,8 @@ locations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 MUSCLE_NAMES = {
     "rectus_femoris": ("rectusfemoris", "rectfem", "recfem", "rf", "rectofemoral", "rectus", "rfem", "rfm"),
@@ -110,13 +110,39 @@ _FILLERS = frozenset({
 """Words of labels that name no muscle."""
 
 
+_OTHER_READINGS = {
+    "gm": ("gluteus_maximus", "gluteus_medius"), "rectus": ("rectus_abdominis",), "tp": ("trapezius",),
+    "ad": ("adductor_longus",), "biceps": ("biceps_femoris",), "bicep": ("biceps_femoris",),
+    "bic": ("biceps_femoris",), "triceps": ("triceps_surae",), "tricep": ("triceps_surae",),
+    "tri": ("triceps_surae",), "tibialis": ("tibialis_posterior",), "peroneus": ("peroneus_brevis",),
+}  # fmt: skip
+"""Further muscles for which laboratories use an abbreviation."""
+
+_PARTNERS = {"gastrocnemius_medialis": ("gastrocnemius_lateralis", "gastrocnemius")}
+"""Muscles whose labels beside an abbreviation show that it is this muscle's."""
+
+_REGION_WORDS = {
+    "leg": ("femoris", "vastus", "semi", "tibialis", "soleus", "gastrocnemius", "peroneus", "gluteus", "adductor",
+            "gracilis", "sartorius", "iliopsoas", "tensor", "surae", "digitorum_longus"),
+    "trunk": ("abdominis", "oblique", "multifidus", "iliocostalis", "longissimus", "spinae", "latissimus", "trapezius",
+              "serratus", "sternocleido", "pectoralis", "infraspinatus"),
+}  # fmt: skip
+"""Words in the names of muscles of the leg and of the trunk; all others are of the arm."""
+
+MIN_SURE_CONFIDENCE = 0.5
+"""A label of less confidence names its muscle only if it is asked for."""
+
+
 @dataclass(frozen=True)
 class MuscleLabel:
     """The muscle that a label names."""
 
     muscle: str  # Name in the words of study.toml, without its side
     side: str  # "left", "right" or ""
-    confidence: float  # 1 for its full name, 0.9 for shortened words, 0.7 for an abbreviation, 0.5 for two letters
+    # 1 for its full name, 0.9 for shortened words, 0.7 for an abbreviation, 0.5 for two letters, 0.3 for what several
+    # muscles are called
+    confidence: float
+    others: tuple[str, ...] = ()  # Further muscles that it may name
 
     @property
     def name(self) -> str:
@@ -150,7 +176,7 @@ def find_muscle(words: Sequence[str], *, is_emg: bool = False) -> MuscleLabel | 
     is_emg = is_emg or bool(side) or bool({"emg", "semg", "hdemg", "uv"} & set(words))
     muscle = _BY_WAY.get(joined)
     if muscle is not None and (is_emg or joined not in _DOUBTFUL_LETTERS):
-        return MuscleLabel(muscle, side, 1.0 if len(joined) > 5 else 0.7 if len(joined) > 2 else 0.5)
+        return _label(joined, side, 1.0 if len(joined) > 5 else 0.7 if len(joined) > 2 else 0.5)
     if (muscle := _of_short_words(own)) is not None:
         return MuscleLabel(muscle, side, 0.9)
     if (muscle := _of_cut_name(joined)) is not None:
@@ -161,11 +187,46 @@ def find_muscle(words: Sequence[str], *, is_emg: bool = False) -> MuscleLabel | 
         is_doubtful = rest in _DOUBTFUL_LETTERS | _DOUBTFUL_AFTER_SIDE and not is_emg
         is_known = rest in _BY_WAY and len(rest) > 1 and not is_doubtful
         if not side and len(own) == 1 and joined.startswith(letter) and is_known:
-            return MuscleLabel(_BY_WAY[rest], where, 0.7 if len(joined) > 6 else 0.5)
+            return _label(rest, where, 0.7 if len(joined) > 6 else 0.5)
     for way, muscle in sorted(_BY_WAY.items(), key=lambda item: -len(item[0])):
         if len(way) > 5 and way in joined:
             return MuscleLabel(muscle, side, 0.7)
     return None
+
+
+def settle_muscles(labels: Mapping[str, MuscleLabel]) -> dict[str, MuscleLabel]:
+    """Return the muscle of each channel of a session, where the other channels tell which of several a label names.
+
+    Labels of less than `MIN_SURE_CONFIDENCE` stay doubtful. `labels` are by the channels' names.
+
+    >>> gm, vl, gl = (find_muscle([word], is_emg=True) for word in ("gm", "vl", "gl"))
+    >>> [settle_muscles({"GM": gm, "X": x})["GM"].confidence for x in (vl, gl)]
+    [0.3, 0.5]
+    """
+    sure = {label.muscle for label in labels.values() if not label.others}
+    regions = {_region(muscle) for muscle in sure or {label.muscle for label in labels.values()}}
+    settled = {}
+    for name, label in labels.items():
+        near = [m for m in (label.muscle, *label.others) if _region(m) in regions and m not in sure]
+        readings = near or [label.muscle]
+        if any(partner in sure for partner in _PARTNERS.get(label.muscle, ())):
+            readings = [label.muscle]
+        if label.others and len(readings) == 1:
+            settled[name] = replace(label, muscle=readings[0], others=(), confidence=MIN_SURE_CONFIDENCE)
+        else:
+            settled[name] = replace(label, muscle=readings[0], others=tuple(readings[1:]))
+    return settled
+
+
+def _region(muscle: str) -> str:
+    """Return the part of the body that a muscle belongs to."""
+    return next((part for part, words in _REGION_WORDS.items() if any(w in muscle for w in words)), "arm")
+
+
+def _label(way: str, side: str, confidence: float) -> MuscleLabel:
+    """Return the muscle that a spelling names, with a small confidence if it names several."""
+    others = _OTHER_READINGS.get(way, ())
+    return MuscleLabel(_BY_WAY[way], side, 0.3 if others else confidence, others)
 
 
 def _of_cut_name(joined: str) -> str | None:

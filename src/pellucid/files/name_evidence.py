@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from ..units import to_si_factor
-from .muscle_names import find_muscle
+from .muscle_names import MuscleLabel, find_muscle
 from .stated_units import ends_in_multiple, scaled_unit_from_text, split_unit, stated_unit_text, unit_from_text
 
 QUANTITY_WORDS = {
@@ -405,8 +405,13 @@ def _ends_in_muscle(name: str, bare: str) -> bool:
 
 def emg_muscle(name: str) -> str | None:
     """Return the muscle that a column names which holds EMG; None if it names none."""
-    found = find_muscle(words_of(read_name(name).bare), is_emg=True)
+    found = emg_muscle_label(name)
     return None if found is None else found.name
+
+
+def emg_muscle_label(name: str) -> MuscleLabel | None:
+    """Return the muscle that a column names which holds EMG, with its confidence; None if it names none."""
+    return find_muscle(words_of(read_name(name).bare), is_emg=True)
 
 
 def is_emg_by_unit(name: str, unit: str | None, emg_units: Sequence[str | None]) -> bool:

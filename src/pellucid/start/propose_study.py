@@ -17,9 +17,11 @@ from .._errors import StudyError
 from ..files.clock import first_deliveries
 from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
 from ..files.file_facts import FileFact, find_drive_facts, find_encoder_counts, find_rate
+from ..files.muscle_names import MIN_SURE_CONFIDENCE, MuscleLabel, settle_muscles
 from ..files.name_evidence import (
     MACHINE_WORDS,
     NameEvidence,
+    emg_muscle_label,
     quantity_of_unit,
     read_name,
     with_stated_unit,
@@ -79,7 +81,7 @@ MAX_QUESTION_COUNT = 5
 
 QUESTION_ORDER = (
     "rate", "effort", "rated", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
-    "lever_arm", "command_followed", "emg_unit", "worn", "drive_constant", "payload", "angle_zero",
+    "lever_arm", "command_followed", "emg_unit", "muscles", "worn", "drive_constant", "payload", "angle_zero",
 )  # fmt: skip
 """Questions in order of importance: the first changes the results most."""
 
@@ -236,6 +238,7 @@ class Proposal:
     repeated: RepeatedMotion | None = None
     robot_joints: RobotJoints | None = None  # how the joints lie in the robot's file, None without one
     spring: LockedSpring | None = None  # the spring on the bench that the recordings show
+    doubtful_muscles: frozenset[str] = frozenset()  # columns whose labels name several muscles
 
     @property
     def rate(self) -> float | None:
@@ -269,6 +272,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     about_muscles = is_about_muscles(layouts)
     if about_muscles:
         layouts = [_of_muscles(layout, remarks) for layout in layouts]
+    layouts, doubtful = _with_settled_muscles(layouts)
     main = max(layouts, key=_merit)
     person = about_muscles or _is_person(main, layouts)
     others = [layout for layout in layouts if layout is not main]
@@ -305,6 +309,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     questions = list(
         _questions(main, streams, recordings, drive, facts, person, repeated, gravity, gear, bool(given.robots))
     )
+    questions += _muscle_questions(doubtful)
     possible = {question.key for question in questions}
     if unit_from_text(answers.get("position_unit", "")) == "counts" and "counts_per_turn" not in possible:
         questions.append(_counts_question(ANGLE_LIMITS.usual_counts))
@@ -321,6 +326,9 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         expected = f"expected answers to {known} alone" if known else "expected none: these files leave nothing open"
         raise StudyError(f"found an answer to {', '.join(sorted(unknown))}, {expected}")
     _require_chosen(questions, answers)
+    if "muscles" in answers:
+        said = _said_muscles(answers["muscles"], doubtful)
+        main, *streams = (_with_muscles(layout, said) for layout in (main, *streams))
     main, streams, drive, motion, gravity, facts = _apply(answers, main, streams, drive, motion, gravity, dict(facts))
     if motion == "rotary" and gravity in (None, "none") and {"counts_per_turn", "position_unit"} & set(answers):
         gravity = _gravity(main, drive, turns)
@@ -358,6 +366,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         repeated=repeated,
         robot_joints=robot_joints,
         spring=spring,
+        doubtful_muscles=frozenset(doubtful),
     )
 
 
@@ -842,6 +851,59 @@ def is_about_muscles(layouts: Sequence[Layout]) -> bool:
     efforts = quantities & {*DRIVE_QUANTITIES, "moment"}
     is_isometric = efforts == {"force"} and not quantities & {"position", "motor_position", "angle", "reference"}
     return "emg" in quantities and (not efforts or is_isometric)
+
+
+def _with_settled_muscles(layouts: Sequence[Layout]) -> tuple[list[Layout], dict[str, MuscleLabel]]:
+    """Return layouts whose EMG has the muscles that all labels together tell, and the labels that stay doubtful."""
+    roles = {r.column: r for layout in layouts for r in layout.channels if r.quantity == "emg"}
+    found = {column: emg_muscle_label(column) for column in roles}
+    # A file may state the muscle beside its label.
+    own = {c: label for c, label in found.items() if label is not None and roles[c].label == label.name}
+    settled = settle_muscles(own)
+    moved = {column: label for column, label in settled.items() if label.name != own[column].name}
+    doubtful = {column: label for column, label in settled.items() if label.confidence < MIN_SURE_CONFIDENCE}
+    return [_with_muscles(layout, moved) for layout in layouts], doubtful
+
+
+def _with_muscles(layout: Layout, labels: Mapping[str, MuscleLabel]) -> Layout:
+    """Return a layout whose columns of EMG have the muscles of `labels`, by column."""
+    taken = {role.label for role in layout.channels if role.column not in labels}
+
+    def named(role: ColumnRole) -> ColumnRole:
+        label = labels.get(role.column)
+        if label is None or role.quantity != "emg" or label.name in taken:
+            return role
+        taken.add(label.name)
+        return replace(role, label=label.name)
+
+    return layout.with_each(named) if labels else layout
+
+
+def _muscle_questions(doubtful: Mapping[str, MuscleLabel]) -> list[Question]:
+    """Return the question about the labels that name several muscles, if there are any."""
+    if not doubtful:
+        return []
+    listed = "; ".join(f'"{column}": {label.muscle} or {", ".join(label.others)}' for column, label in doubtful.items())
+    return [
+        Question(
+            "muscles",
+            f"Which muscles do these labels name? {listed}",
+            ", ".join(f"{column} = {label.muscle}" for column, label in doubtful.items()),
+            "the muscle's name in all results, and its place in models of the leg",
+        )
+    ]
+
+
+def _said_muscles(answer: str, doubtful: Mapping[str, MuscleLabel]) -> dict[str, MuscleLabel]:
+    """Return the muscles that an answer such as ``GM = gluteus_medius`` gives, by column."""
+    said = {}
+    for part in filter(None, map(str.strip, re.split(r"[,;]", answer))):
+        column, _, muscle = (text.strip() for text in part.partition("="))
+        muscle = re.sub(r"[\s-]+", "_", muscle).lower()
+        if column not in doubtful or not re.fullmatch(r"[a-z][a-z0-9_]*", muscle):
+            raise StudyError(f"muscles: found {part!r}, expected a muscle for {', '.join(doubtful)}, as in GM = soleus")
+        said[column] = replace(doubtful[column], muscle=muscle, others=())
+    return said
 
 
 LENGTH_UNITS = ("m", "cm", "mm", "um")

@@ -104,6 +104,7 @@ def channel_mark(role: ColumnRole, proposal: Proposal) -> str:
         "effort": role.quantity in DRIVE_QUANTITIES and role.is_guess and not role.is_command,
         "position_unit": role.quantity in ("position", "angle", "reference") and role.is_guess,
         "emg_unit": role.quantity == "emg" and not role.unit_is_certain,
+        "muscles": role.quantity == "emg" and role.column in proposal.doubtful_muscles,
     }
     if any(hangs.get(key) for key in unsaid_defaults(proposal)):
         return MARK_ASKED
