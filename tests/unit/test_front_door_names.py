@@ -135,11 +135,13 @@ def test_moments_of_several_joints_are_a_persons(tmp_path):
     assert "EMG" in missing_part(proposed(path))
 
 
-def test_emg_without_an_angle_is_no_study(tmp_path):
+def test_emg_with_a_force_and_no_angle_is_a_study_of_muscles_alone(tmp_path):
     t, _, _, tau = controlled()
     emg = np.random.default_rng(0).standard_normal((2, len(t)))
     path = written(tmp_path / "pull.csv", "time_s,force_N,emg_biceps_mV,emg_triceps_mV", [t, 20.0 + tau, *emg])
-    assert "no joint angle" in missing_part(proposed(path))
+    found = proposed(path)
+    assert missing_part(found) is None
+    assert any("forces and other inputs are excluded" in remark for remark in found.remarks)
 
 
 def test_a_further_position_in_counts_passes_the_check(tmp_path):

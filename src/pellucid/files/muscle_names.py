@@ -166,7 +166,7 @@ def find_muscle(words: Sequence[str], *, is_emg: bool = False) -> MuscleLabel | 
     `is_emg`: whether the channel is known to hold EMG, so that a few letters name no other thing.
 
     >>> find_muscle(["rt", "vlo"])
-    MuscleLabel(muscle='vastus_lateralis', side='right', confidence=0.7)
+    MuscleLabel(muscle='vastus_lateralis', side='right', confidence=0.7, others=())
     >>> find_muscle(["biceps", "fem"]).name
     'biceps_femoris'
     """
