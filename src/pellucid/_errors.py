@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from importlib.metadata import requires
 from typing import Any
 
 
@@ -26,14 +28,22 @@ class ArgumentError(PellucidError, TypeError):
 
 def missing_package(part: str, package: str, extra: str) -> PellucidError:
     """Return the error that an optional library is not installed, with the command that installs it."""
-    return PellucidError(
-        f"{part}: found no package {package}, expected it: in the clone of Pellucid, {install_command(extra)}"
-    )
+    return PellucidError(f"{part}: found no package {package}, expected it: {install_command(extra)}")
 
 
 def install_command(extra: str) -> str:
-    """Return the command that installs the libraries of an extra of pyproject.toml, run in the clone of Pellucid."""
-    return f'pip install ".[{extra}]"'
+    """Return the command that installs the libraries of an extra, for an installation from a clone or from a wheel."""
+    required = [line.partition(";") for line in requires("pellucid") or ()]
+    libraries = [name.strip() for name, _, marker in required if re.search(rf"extra == ['\"]{extra}['\"]", marker)]
+    return " ".join(["pip install", *(f'"{library}"' for library in libraries)])
+
+
+def missing_compiled_package(part: str, package: str) -> PellucidError:
+    """Return the error that a library is not installed, which pip would have to compile on this system."""
+    return PellucidError(
+        f"{part}: found no package {package}, expected it: pip install {package} (this system has no wheel of it, so "
+        "that pip compiles it)"
+    )
 
 
 class StudyError(PellucidError):

@@ -16,6 +16,9 @@ BLOCKED = ("pyarrow", "h5py", "pandas", "statsmodels", "dask", "distributed", "e
            "numba", "opensim", "mcap", "rosbags", "matio", "mne")  # fmt: skip
 """Packages of extras, which the base installation lacks."""
 
+COMPILED = ("ezc3d", "vqf")
+"""Packages of the base that are not installed where they have no wheel."""
+
 MAX_BASE_BYTES = 350e6
 """Largest size of an installation without extras, its dependencies included."""
 
@@ -23,7 +26,7 @@ BEFORE = f"""
 import sys
 class Absent:
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in {BLOCKED!r}:
+        if name.partition(".")[0] in {BLOCKED + COMPILED!r}:
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 sys.meta_path.insert(0, Absent())
 """
@@ -72,19 +75,26 @@ assert np.array_equal(np.stack([columns[name] for name in ("t", "q", "tau")], ax
 
 MISSING = """
 from pathlib import Path
+import numpy as np
 import pytest
 import pellucid as pl
 from pellucid._tabular import data_frame
-from pellucid.files.readers import hdf5, parquet
+from pellucid.files.readers import c3d, hdf5, parquet
 from pellucid.numerics.posterior.ensemble import require_sampler
-for ask, extra in (
-    (lambda: data_frame({"a": [1]}), "tables"),
-    (require_sampler, "posterior"),
-    (lambda: parquet.read(Path("a.parquet")), "files"),
-    (lambda: hdf5.read(Path("a.h5")), "files"),
+from pellucid.orthosis.imu.imu_angle import Inertial, orientation
+still = np.tile([0.0, 0.0, 9.81], (100, 1))
+imu = Inertial(np.arange(100) / 100.0, 0.0 * still, still)
+for ask, package in (
+    (lambda: data_frame({"a": [1]}), '"pandas>='),
+    (require_sampler, '"emcee>='),
+    (lambda: parquet.read(Path("a.parquet")), '"pyarrow>='),
+    (lambda: hdf5.read(Path("a.h5")), '"pyarrow>=[0-9.]+" "h5py>='),
+    (lambda: c3d.read(Path("a.c3d")), "ezc3d "),
+    (lambda: orientation(imu), "vqf "),
 ):
-    with pytest.raises(pl.PellucidError, match=rf"pip install .*\\[{extra}\\]"):
+    with pytest.raises(pl.PellucidError, match=f"expected it: pip install {package}"):
         ask()
+assert orientation(imu, "madgwick").shape == (100, 4)
 """
 
 

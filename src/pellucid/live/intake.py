@@ -53,7 +53,7 @@ def streaming_layer() -> Any:
         import pylsl
     except (ImportError, RuntimeError) as error:
         raise PellucidError(
-            f"streams: could not load pylsl ({error}), expected it: in the clone of Pellucid, {install_command('live')}"
+            f"streams: could not load pylsl ({error}), expected it: {install_command('live')}"
         ) from None
     return pylsl
 

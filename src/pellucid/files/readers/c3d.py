@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._errors import RecordingError
+from ..._errors import RecordingError, missing_compiled_package
 from ..stated_units import unit_from_text
 from ._columns import Columns
 from ._signals import unique_names
@@ -144,8 +144,10 @@ def _study_unit(unit: str) -> str:
 
 
 def _load(path: Path) -> Any:
-    import ezc3d
-
+    try:
+        import ezc3d
+    except ImportError:
+        raise RecordingError(str(missing_compiled_package(f"{path.name}: a C3D file", "ezc3d"))) from None
     _require_whole(path)
     # Plates of a kind that the library cannot compute do not spoil the rest of the file.
     with contextlib.suppress(Exception):

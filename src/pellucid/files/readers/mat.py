@@ -116,7 +116,7 @@ def _with_remark(columns: Columns, has_objects: bool) -> Columns:
     if not has_objects:
         return columns
     said = (
-        "a table or another object of MATLAB, such as a timeseries, needs mat-io: in the clone of Pellucid, "
+        "a table or another object of MATLAB, such as a timeseries, needs mat-io: "
         f"{install_command('matlab')}"
     )
     if not columns.values:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..._errors import RecordingError
+from ..._errors import RecordingError, missing_compiled_package
 from ...files.recording import Recording
 from ...numerics.clocks import Alignment, align
 from ...numerics.filters import runs, zero_phase_lowpass
@@ -209,8 +209,10 @@ def orientation(
 
 
 def _vqf(imu: Inertial, axes: int) -> np.ndarray:
-    from vqf import offlineVQF
-
+    try:
+        from vqf import offlineVQF
+    except ImportError:
+        raise missing_compiled_package('orientation "vqf" (or choose "madgwick")', "vqf") from None
     rate, force = np.ascontiguousarray(_since_last(imu.angular_velocity)), np.ascontiguousarray(imu.acceleration)
     field = np.ascontiguousarray(imu.magnetic_field) if axes == 9 else None
     return np.asarray(offlineVQF(rate, force, field, imu.period)[f"quat{axes}D"])

@@ -95,7 +95,7 @@ def _predicted(made: ScoredPrediction, rows: Mapping[str, Reproduced], screened:
         ),
         notes=() if screened else (
             "What decides is not shown: that needs SALib "
-            f"(in the clone of Pellucid, {install_command('sensitivity')}).",
+            f"({install_command('sensitivity')}).",
         ),
     )  # fmt: skip
 
