@@ -1,9 +1,10 @@
-"""The wheel: how long its units take to compile, and that one built for Python 3.12 serves a later one."""
+"""A wheel from a source distribution: how long its units take to compile, and that a later Python takes it."""
 
 import os
 import re
 import subprocess
 import sys
+import tarfile
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -72,14 +73,22 @@ def uv() -> Path:
 
 @pytest.fixture(scope="module")
 def built(uv, tmp_path_factory) -> tuple[Path, dict[str, float]]:
-    """The wheel of the oldest Python from 3.12 on, or of this one, and each unit's CPU time [s]."""
+    """The wheel of the oldest Python from 3.12 on, or of this one, and each unit's CPU time [s].
+
+    It is built from a source distribution, without git.
+    """
     folder = tmp_path_factory.mktemp("wheel")
     log, compiler = folder / "log", folder / "compiler.py"
     compiler.write_text(COMPILER, encoding="utf-8")
     python = next(iter(later_pythons()), sys.executable)
     launcher = f"cmake.define.CMAKE_CXX_COMPILER_LAUNCHER={sys.executable};{compiler};{log}"
+    run(uv, "build", "--sdist", "--out-dir", folder, ".")
+    with tarfile.open(next(folder.glob("*.tar.gz"))) as archive:
+        archive.extractall(folder / "source", filter="data")
+    (source,) = (folder / "source").iterdir()
+    alone = {**os.environ, "GIT_CEILING_DIRECTORIES": str(folder)}
     run(uv, "build", "--wheel", "--python", python, "--out-dir", folder, "--config-setting", launcher,
-        "--config-setting", f"build-dir={folder / 'build'}", ".")  # fmt: skip
+        "--config-setting", f"build-dir={folder / 'build'}", source, env=alone)  # fmt: skip
     seconds = {name: float(used) for used, name in (line.split() for line in log.read_text("utf-8").splitlines())}
     return next(folder.glob("*.whl")), seconds
 
