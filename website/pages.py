@@ -68,7 +68,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     """Let links of docs/ to pages of the root, and commands that print a page, lead to that page of the site."""
     up = "../" * page.file.src_uri.count("/")
     for name, (file, _) in GENERATED["PAGES"].items():
-        markdown = markdown.replace(f"`python website/generated.py {name}`", f"[this page]({up}{file})")
+        title = GENERATED["page"](name).partition("\n")[0].lstrip("# ")
+        markdown = markdown.replace(f"`python website/generated.py {name}`", f"[{title}]({up}{file})")
     for anchor, file in REFERENCE_PAGES.items():
         markdown = markdown.replace(f"reference/index.md#{anchor})", f"reference/{file})")
     for source, name in ROOT_PAGES.items():

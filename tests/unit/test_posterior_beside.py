@@ -52,7 +52,7 @@ def test_widths_further_apart_are_told_with_both_intervals(spread, word):
 
 
 def test_of_a_refused_interval_it_is_said_whether_the_data_or_the_prior_tell():
-    refused = Parameter("gravity", "N*m", 1.0, 0.1, refused="what the model leaves out may be all of it")
+    refused = Parameter("gravity", "N*m", 1.0, 0.1, refused="effects that the model lacks may explain all of it")
     told = drawn("gravity", 1.0, 0.1)
     [(kind, text)] = said([ComparedPosterior(refused, told)], posterior(told))
     assert kind == "note"

@@ -224,7 +224,7 @@ def _limits(path: Path, joint: TreeJoint, element: Element | None) -> Limits:
         # Files state unknown limits as 0 to 0.
         found |= {"lower": None, "upper": None}
         if low > high:
-            raise RecordingError(f"{path.name}, {at}: found lower = {low:g} above upper = {high:g}")
+            raise RecordingError(f"{path.name}, {at}: found lower = {low:g} above upper = {high:g}, expected it below")
     # Files state unknown speeds and efforts as 0 too.
     return Limits(**{key: None if key in ("velocity", "effort") and not x else x for key, x in found.items()})
 

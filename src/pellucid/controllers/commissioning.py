@@ -248,7 +248,7 @@ def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
         running, asked = law.start(), np.empty(len(start.time))
         missing = [name for name in law.sensors[1:] if name not in start.others and name in _required(law)]
         if missing:
-            raise PellucidError(f"{start.name}: found no column {missing[0]}, which the law reads")
+            raise PellucidError(f"{start.name}: found no column {missing[0]}, expected it because the law reads it")
         sensors = [start.others.get(name) for name in law.sensors[1:]]
         drive, joint = start.others.get("drive"), start.others.get("joint")
         for k, time in enumerate(start.time):

@@ -195,7 +195,9 @@ class ControlLaw:
         """
         unknown = [name for name in values if name not in self.values]
         if unknown:
-            raise PellucidError(f"law {self.kind}: found no parameter {', '.join(unknown)}")
+            raise PellucidError(
+                f"law {self.kind}: found no parameter {', '.join(unknown)}, expected any of {', '.join(self.values)}"
+            )
         return replace(self, values={**self.values, **values})
 
     def using(self, *sensors: str) -> ControlLaw:

@@ -65,12 +65,17 @@ class Coupling:
         for card in cards:
             for name in known & set(card):
                 if name in merged and merged[name] != float(card[name]):
-                    raise PellucidError(f"Coupling: two cards give {name}, {merged[name]:g} and {float(card[name]):g}.")
+                    raise PellucidError(
+                        f"Coupling: two cards give {name}, {merged[name]:g} and {float(card[name]):g}, expected one "
+                        "value."
+                    )
                 merged[name] = float(card[name])
         missing = sorted(POSITIVE_NUMBERS | {"coulomb", "orthosis_viscous", "limb_viscous"} - set(merged))
         missing = [name for name in missing if name not in merged]
         if missing:
-            raise PellucidError(f"Coupling: no card gives {', '.join(missing)}.")
+            raise PellucidError(
+                f"Coupling: no card gives {', '.join(missing)}, expected each in one; identify the orthosis again."
+            )
         return cls(**merged)
 
     @classmethod

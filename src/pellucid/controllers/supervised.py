@@ -419,7 +419,9 @@ class SupervisedLaw:
     def __post_init__(self):
         if set(self.supervision) != set(SUPERVISOR_NAMES):
             wrong = sorted(set(self.supervision) ^ set(SUPERVISOR_NAMES))
-            raise PellucidError(f"supervisor: found no number, or one too many, for {', '.join(wrong)}")
+            raise PellucidError(
+                f"supervisor: found no number, or one too many, for {', '.join(wrong)}, expected one for each"
+            )
 
     @property
     def kind(self) -> str:

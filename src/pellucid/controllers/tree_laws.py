@@ -163,7 +163,9 @@ class TreeLaw:
         known = (*self.shares[0], *self.whole)
         unknown = [name for name in values if name not in known]
         if unknown:
-            raise PellucidError(f"law of several joints: found no parameter {', '.join(unknown)}")
+            raise PellucidError(
+                f"law of several joints: found no parameter {', '.join(unknown)}, expected any of {', '.join(known)}"
+            )
         if joint is not None and joint not in self.card.names:
             raise PellucidError(f"found the joint {joint!r}, expected one of {', '.join(self.card.names)}")
         shares = tuple(
@@ -471,8 +473,7 @@ def _require_efforts(card: TreeCard) -> None:
         if unit not in ("N*m", "N"):
             raise PellucidError(
                 f"model card '{card.family}': found efforts of {name} in {unit}, expected N*m or N: a law of several "
-                "joints "
-                "adds them up; give the drive's gain in study.toml, or identify it with a known payload"
+                "joints adds them up; give the drive's gain in study.toml, or identify it with a known payload"
             )
 
 

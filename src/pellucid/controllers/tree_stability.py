@@ -64,7 +64,10 @@ class TreeCoupling:
             object.__setattr__(self, name, made)
         for name in ("mass", "limb_mass"):
             if np.linalg.eigvalsh(getattr(self, name)).min() <= 0.0:
-                raise PellucidError(f"TreeCoupling: found a {name} matrix that is not positive definite")
+                raise PellucidError(
+                    f"TreeCoupling: found a {name} matrix that is not positive definite, expected one of a possible "
+                    "body"
+                )
         if not (self.drive_frequency > 0.0).all():
             raise PellucidError("TreeCoupling: found drive_frequency <= 0, expected > 0")
 

@@ -16,11 +16,11 @@ def write_csv(path: str | os.PathLike, channels: Mapping[str, Channel]) -> Path:
     """Write channels as a comma-separated table, one column each under the channel's name. `channels` [str,
     Channel]."""
     if "time" not in channels:
-        raise RecordingError(f"{path}: no channel time to write, found {', '.join(channels) or 'none'}")
+        raise RecordingError(f"{path}: found the channels {', '.join(channels) or 'none'}, expected time among them")
     names = ["time", *(name for name in channels if name != "time")]
     lengths = {name: len(channels[name]) for name in names}
     if len(set(lengths.values())) > 1:
-        raise RecordingError(f"{path}: channels differ in length: {lengths}")
+        raise RecordingError(f"{path}: found channels of different lengths {lengths}, expected one length")
     strange = [
         name for name in names if csv_cell(name) != name or visible_text(name) != name or set(name) & set(',\n"')
     ]

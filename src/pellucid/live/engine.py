@@ -511,7 +511,10 @@ class LiveEngine:
         until = time.monotonic() + timeout
         while wait and not self.recorded(path):
             if time.monotonic() > until:
-                raise PellucidError(f"{path}: the recorder did not seal the file within {timeout} s")
+                raise PellucidError(
+                    f"{path}: the recorder did not complete the file within {timeout} s; check the free space of its "
+                    "disk"
+                )
             self.beat()
             time.sleep(0.01)
         return path

@@ -61,7 +61,9 @@ class Condition:
         """
         names = [] if self.law is None else list(LAWS[self.law.kind].defaults)
         if name not in names:
-            raise PellucidError(f'condition "{self.name}": its control law has no parameter "{name}"')
+            raise PellucidError(
+                f'condition "{self.name}": found the parameter "{name}", expected one of {", ".join(names) or "none"}'
+            )
         return names.index(name)
 
 

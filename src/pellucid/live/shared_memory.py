@@ -181,7 +181,10 @@ class Region:
         self._lock = threading.Lock()
         head = self._header[0]
         if head["magic"] != layout.REGION_MAGIC or int(head["version"]) != layout.REGION_VERSION:
-            raise PellucidError(f"{path}: found no region of version {layout.REGION_VERSION} of a live session")
+            raise PellucidError(
+                f"{path}: found no region of version {layout.REGION_VERSION} of a live session, expected the file of a "
+                "running one"
+            )
 
     def _block(self, dtype: np.dtype, offset: int, count: int = 1) -> np.ndarray:
         return np.frombuffer(self._memory, dtype, count, offset)

@@ -97,7 +97,7 @@ class StreamRing:
             self._memory = mmap.mmap(file.fileno(), 0, flags=flags)
         self._head = np.frombuffer(self._memory, HEAD_TYPE, 1)
         if self._head["magic"][0] != RING_MAGIC or int(self._head["version"][0]) != RING_VERSION:
-            raise PellucidError(f"{path}: found no ring of a stream")
+            raise PellucidError(f"{path}: found no ring of a stream, expected the file of a running session")
         size = int(self._head["text_bytes"][0])
         said = json.loads(self._memory[TEXT_OFFSET : TEXT_OFFSET + size])
         self.name: str = said["name"]

@@ -38,7 +38,7 @@ def fields_of(kind: type, table: Any, *, missing: bool = False) -> dict[str, Any
         raise ValueError(f"found the unknown key {_short(unknown[0])}, expected some of {', '.join(known)}")
     lacking = [n for n, f in known.items() if n not in table and f.default is MISSING and f.default_factory is MISSING]
     if lacking:
-        raise ValueError(f"lacks {', '.join(lacking)}")
+        raise ValueError(f"lacks {', '.join(lacking)}, expected each")
     return {name: _typed(hints[name], value, name, missing) for name, value in table.items()}
 
 
@@ -121,7 +121,7 @@ def _require_sound_parameters(parameters: Iterable[Any]) -> None:
         low, high = p.interval
         slack = 1e-9 * max(abs(p.value), abs(high - low) if math.isfinite(high - low) else 0.0)
         if low - slack > p.value or high + slack < p.value or low > high:
-            raise ValueError(f"{p.name}: found {p.value:g} outside its interval, {low:g} to {high:g}")
+            raise ValueError(f"{p.name}: found {p.value:g}, expected a value within its interval, {low:g} to {high:g}")
 
 
 def _require_covariance(rows: tuple[tuple[float, ...], ...], n: int) -> None:

@@ -288,7 +288,7 @@ def _shown(parameter: Parameter, level: float) -> tuple[str, str]:
     value, error = parameter.value, parameter.standard_error
     low, high = parameter.interval(level)
     if not (np.isfinite(error) and error > 0.0) or parameter.refused:
-        return f"{value:.4g}", "refused" if parameter.refused else "-"
+        return f"{value:.4g}", "not identifiable" if parameter.refused else "-"
     places = int(1 - np.floor(np.log10(error)))
     if not 0 <= places <= 8 or abs(value) >= 1e7:
         return f"{value:.4g}", f"{low:.4g} to {high:.4g}"

@@ -310,7 +310,9 @@ def read_slider_card(path: Path) -> SliderCard:
     """Read a card."""
     table = read_table(path)
     if table.get("kind") != "slider":
-        raise PellucidError(f"{path}: not the model card of a joint with a carriage")
+        raise PellucidError(
+            f"{path}: not the model card of a joint with a carriage, expected models/slider.*.json of a study"
+        )
     card = SliderCard.from_table(table, path)
     found = len(card.parameters)
     try:

@@ -164,7 +164,9 @@ def read_tree_card(path: Path) -> TreeCard:
     """Read a card."""
     table = read_table(path)
     if table.get("kind") != "tree":
-        raise PellucidError(f"{path}: not the model card of a robot of several joints")
+        raise PellucidError(
+            f"{path}: not the model card of a robot of several joints, expected models/tree.*.json of a study"
+        )
     try:
         rows = {key: _rows(key, table.get(key), columns) for key, columns in COLUMNS.items()}
         card = TreeCard(**fields_of(TreeCard, {**table, **rows}))
@@ -187,7 +189,10 @@ def _rows(key: str, given: Any, columns: tuple[str, ...]) -> list[list[float]]:
             raise ValueError(f"{key}[{i}]: found {_given.visible_text(repr(row))[:100]}, expected an object")
         unknown = sorted(set(row) - set(columns))
         if unknown:
-            raise ValueError(f"{key}[{i}]: found the unknown key {_given.visible_text(repr(unknown[0]))[:100]}")
+            raise ValueError(
+                f"{key}[{i}]: found the unknown key {_given.visible_text(repr(unknown[0]))[:100]}, expected "
+                f"{', '.join(columns)}"
+            )
         bounds = _bounds(key)
         numbers = [row.get(name, bounds[name][2]) for name in columns]
         for name, x in zip(columns, numbers, strict=True):

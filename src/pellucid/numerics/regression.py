@@ -363,7 +363,7 @@ def require_full_rank(names: Sequence[str], jacobian: np.ndarray, where: str) ->
     if absent:
         raise IdentificationError(
             f"{where}: {' and '.join(absent)} cannot be identified: nothing in the recordings excites "
-            f"{'it' if len(absent) == 1 else 'them'}"
+            f"{'it' if len(absent) == 1 else 'them'}; record a motion that does"
         )
     _, singular, rows = np.linalg.svd(np.linalg.qr(jacobian / norms, mode="r"))
     if singular[-1] < 1e-7 * singular[0]:
@@ -388,8 +388,8 @@ def make_parameters(
 
     `held`, (p,), marks values on a bound. A parameter is identifiable if its 95 % interval excludes 0 and it is not
     marked in `idle`, (p,). If the interval from coloured residuals alone, `statistical` (p, p), excludes 0 but the full
-    one does not, a neglected effect may explain the whole value. The interval is then refused, with the reason from
-    `causes`, (p,).
+    one does not, a neglected effect may explain the whole value. The parameter then has no interval, for the reason
+    from `causes`, (p,).
     """
     made = []
     for i, (name, unit) in enumerate(zip(names, units, strict=True)):
@@ -398,7 +398,8 @@ def make_parameters(
         shown = not bound and abs(value) > 1.959964 * error and not (idle is not None and idle[i])
         coloured = error if statistical is None else float(np.sqrt(max(statistical[i, i], 0.0)))
         hidden = not bound and 1.959964 * coloured < abs(value) <= 1.959964 * error
-        refused = f"what the model leaves out may be all of it, {causes[i]} first" if hidden and causes else ""
+        why = f"{causes[i]} or other effects that the model lacks may explain all of it" if causes else ""
+        refused = why if hidden else ""
         made.append(Parameter(name, unit, value, error, bound, shown, statistical_error=coloured, refused=refused))
     return tuple(made)
 

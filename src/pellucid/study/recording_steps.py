@@ -489,7 +489,8 @@ def read_optical(file: RecordedFile, spec: Optical) -> OpticalRecording:
         file_unit = columns.units.get(spec.column(marker, AXES[0]), spec.unit)
         if file_unit != spec.unit:
             raise RecordingError(
-                f'{columns.path.name}: marker {marker}: study.toml says {spec.unit}, the file itself "{file_unit}"'
+                f'{columns.path.name}: marker {marker}: study.toml says {spec.unit}, the file itself "{file_unit}": '
+                "correct the unit in study.toml"
             )
         for axis, samples in zip(AXES, stored, strict=True):
             if len(samples) != len(time):
@@ -511,7 +512,7 @@ def make_channels(
         if columns.angle_unit not in (None, spec.unit) and spec.unit in ("deg", "rad"):
             raise RecordingError(
                 f"{columns.path.name}: channel {name}: study.toml says {spec.unit}, the file's header says "
-                f"{columns.angle_unit}"
+                f"{columns.angle_unit}: correct the unit in study.toml"
             )
     values = {n: _read_samples(columns, n, spec) for n, spec in specs.items() if spec.rate is None}
     rate = specs["time"].rate
@@ -599,7 +600,8 @@ def _require_file_units(columns: Columns, specs: Mapping[str, ChannelSpec]) -> N
         file_unit = next((unit for unit in stated if contradicts_unit(unit, spec.unit)), None)
         if file_unit is not None:
             raise RecordingError(
-                f'{columns.path.name}: channel {name}: study.toml says {spec.unit}, the file itself "{file_unit}"'
+                f'{columns.path.name}: channel {name}: study.toml says {spec.unit}, the file itself "{file_unit}": '
+                "correct the unit in study.toml"
             )
 
 

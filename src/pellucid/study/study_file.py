@@ -106,7 +106,7 @@ class Drive(StudyTable):
         if self.kind == "torque" and self.constant is not None:
             raise ValueError('found a constant with kind = "torque": a measured effort needs none')
         if self.resistance is not None and (self.kind != "voltage" or self.constant is None):
-            raise ValueError('found resistance, which is used only with kind = "voltage" and a known constant')
+            raise ValueError('found resistance, expected it only with kind = "voltage" and a known constant')
         return self
 
 

@@ -105,8 +105,8 @@ def chapter_sentences(made: Demonstration) -> list[tuple[str, str]]:
     """Return the heading and the main sentence of each chapter, for the page and the command line."""
     off, error = percent(100.0 * _gravity_error(made)), 1e3 * made.fit.evaluated_error("load") * made.fit.gain
     found = (
-        f"A virtual elbow exoskeleton was identified from {_minutes(made):.0f} minutes of recordings: its gravity to "
-        f"{off} % of the truth, the torque in trials never fitted to {number(error, digits=2)} mN·m."
+        f"A virtual elbow exoskeleton was identified from {_minutes(made):.0f} minutes of recordings: the error "
+        f"of its gravity torque is {off} %, that of the torque in held-out trials {number(error, digits=2)} mN·m."
     )
     torque, slower = _torque_values(made), _changes(made.findings)
     pulled = ", ".join(f"{x.text} under {c}" for c, x in torque.items())
@@ -156,7 +156,7 @@ def _tiles(made: Demonstration) -> tuple[Tile, ...]:
     torque = _torque_values(made)
     others = ", ".join(f"{c.replace('_', ' ')} {x}" for c, x in torque.items() if c != BEST_SENSED_CONTROLLER)
     tiles = [
-        Tile("Gravity against the truth", percent(100.0 * _gravity_error(made)), "% off", "a virtual elbow"),
+        Tile("Error of the gravity torque", percent(100.0 * _gravity_error(made)), "%", "a virtual elbow"),
         Tile(
             f"Interaction torque, {BEST_SENSED_CONTROLLER.replace('_', ' ')}",
             str(torque[BEST_SENSED_CONTROLLER]),
@@ -167,7 +167,7 @@ def _tiles(made: Demonstration) -> tuple[Tile, ...]:
     if made.cost is not None:
         count, size = f"{made.cost.instructions:.0f}", f"Cortex-M4F, {made.cost.bytes} bytes"
         tiles.append(Tile("Control step", count, "instructions", size))
-    tiles.insert(0, Tile("Effort, never fitted", str(_real_error(made)), "% error", "a real machine"))
+    tiles.insert(0, Tile("Torque error, held out", str(_real_error(made)), "%", "a real machine"))
     return tuple(tiles)
 
 
@@ -356,7 +356,7 @@ def _real(made: Demonstration) -> Section:
             f"{name}: {info(name).title}, under the licence {info(name).licence}. Of "
             f"{len(fit.families)} friction families, {best.family} was chosen. "
             f"{fitted} recordings were fitted; on {judged} others, of other movements, the error of its effort is "
-            f'{_real_error(made)} %. "Refused" says that the recordings do not determine a parameter\'s interval.',
+            f'{_real_error(made)} %. "Not identifiable" means that these recordings do not determine the parameter.',
             f"Recorded by others: {info(name).citation}",
         ),
         (Table(heads, tuple(rows), frozenset({1, 2})),),

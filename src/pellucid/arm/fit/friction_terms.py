@@ -213,7 +213,9 @@ def core_parameters(numbers: Mapping[str, float], names: Sequence[str], width: f
     for name, value in {**numbers, "velocity_width": width}.items():
         for part in targets.get(name, (name,)):
             if part not in names:
-                raise IdentificationError(f"{who}: the core has no friction term {part!r}")
+                raise IdentificationError(
+                    f"{who}: found the friction term {part!r}, expected one of the core's: {', '.join(names)}"
+                )
             row[names.index(part)] = value
     return row
 

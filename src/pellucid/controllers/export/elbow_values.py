@@ -186,7 +186,9 @@ def _limb(study: Study, controller: str, named: ElbowController, participant: st
     who = people[participant]
     if who.mass is None or who.height is None:
         missing = [key for key in ("mass", "height") if getattr(who, key) is None]
-        raise PellucidError(f"{study.name}: [participants.{participant}] lacks {' and '.join(missing)}")
+        raise PellucidError(
+            f"{study.name}: [participants.{participant}] lacks {' and '.join(missing)}, expected mass and height"
+        )
     return {"limb": forearm(who.mass, who.height)}
 
 

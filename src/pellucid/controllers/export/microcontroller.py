@@ -117,4 +117,6 @@ def _make(folder: Path, target: str) -> subprocess.CompletedProcess[str]:
     try:
         return subprocess.run(["make", "-s", target], cwd=folder, capture_output=True, text=True, timeout=300)
     except subprocess.TimeoutExpired:
-        raise PellucidError(f"{folder}: make {target} took more than five minutes") from None
+        raise PellucidError(
+            f"{folder}: make {target} took more than five minutes, expected less; run it by hand to see where it stops"
+        ) from None

@@ -261,7 +261,9 @@ def read_estimator_card(path: Path) -> EmgEstimatorCard:
     """Read a card again."""
     table = read_table(path)
     if table.get("kind") != KIND:
-        raise PellucidError(f"{path}: not the card of an estimator of torque from EMG, which calibrate writes")
+        raise PellucidError(
+            f"{path}: not the card of an estimator of torque from EMG, expected one that calibrate writes"
+        )
     try:
         card = EmgEstimatorCard(**fields_of(EmgEstimatorCard, table))
         _require_estimator(card)
@@ -282,10 +284,10 @@ def _require_estimator(card: EmgEstimatorCard) -> None:
     for m in card.muscles:
         if set(m.numbers) != set(MUSCLE_QUANTITIES) or not set(m.shares) <= set(names):
             raise ValueError(
-                f"{m.name}: found other numbers or channels than {', '.join((*MUSCLE_QUANTITIES, *names))}"
+                f"{m.name}: found other numbers or channels, expected {', '.join((*MUSCLE_QUANTITIES, *names))}"
             )
         if {a.angle for a in m.surface.axes} - angles - {""}:
-            raise ValueError(f"{m.name}: found a surface over other angles than {', '.join(card.angles)}")
+            raise ValueError(f"{m.name}: found a surface over other angles, expected {', '.join(card.angles)}")
         for x in m.surface.coefficients:
             require_between(f"{m.name}, surface", x, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
     if card.watch is not None:

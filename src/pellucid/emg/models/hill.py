@@ -124,7 +124,10 @@ class HillModel:
                 at = names.index(muscle), FREE_QUANTITIES.index(quantity)
                 if self._column[at] >= 0:
                     other = self.free[self._column[at]].name
-                    raise ValueError(f"{parameter.name}: {other} drives {quantity} of {muscle} already")
+                    raise ValueError(
+                        f"{parameter.name}: found {quantity} of {muscle}, which {other} already sets, expected one "
+                        "parameter for it"
+                    )
                 self._column[at] = j
         relative = np.array([p.relative for p in self.free], bool)
         has_free = self._column >= 0

@@ -91,7 +91,9 @@ def _process() -> subprocess.Popen:
         _running[os.getpid()] = process
         atexit.register(_end, process)
         if not _next_line(process, MAX_START_S):
-            raise RecordingError("the process that reads files of this kind did not start")
+            raise RecordingError(
+                "the process that reads files of this kind did not start; close other programs and try again"
+            )
     return process
 
 

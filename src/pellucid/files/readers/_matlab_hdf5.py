@@ -45,8 +45,8 @@ class _Reading:
         self._value_count += 1
         if self._value_count > MAX_VALUES or depth > MAX_DEPTH:
             raise RecordingError(
-                f"{self._path.name}: found more than {MAX_VALUES} fields and cells, or cells nested more than "
-                f"{MAX_DEPTH} deep"
+                f"{self._path.name}: found more fields, cells or levels of nesting than expected: at most {MAX_VALUES} "
+                f"values, {MAX_DEPTH} deep; save the recorded signals alone"
             )
         if isinstance(item, h5py.Group):
             return self._struct(item, name, depth)

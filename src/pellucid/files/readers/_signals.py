@@ -135,7 +135,9 @@ class Signals:
     def add(self, value: Any, name: str, depth: int = 0) -> None:
         """Add the numbers of a value by their dotted paths; known layouts are read by their own names."""
         if depth > MAX_DEPTH:
-            raise RecordingError(f'{self._path.name}: "{name[:60]}" is nested more than {MAX_DEPTH} deep')
+            raise RecordingError(
+                f'{self._path.name}: "{name[:60]}" is nested more deeply than expected: at most {MAX_DEPTH} levels'
+            )
         if isinstance(value, Mapping):
             self._add_mapping(value, name, depth)
         elif isinstance(value, Stated):

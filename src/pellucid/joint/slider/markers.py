@@ -132,7 +132,9 @@ class Geometry:
             if placement.recording == recording:
                 return placement
         known = ", ".join(placement.recording for placement in self.placements)
-        raise RecordingError(f'no carriage is placed in a recording "{recording}", found {known or "none"}')
+        raise RecordingError(
+            f'found no position of the carriage for recording "{recording}", expected one of {known or "none"}'
+        )
 
 
 def clock_offset(

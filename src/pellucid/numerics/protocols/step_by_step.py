@@ -88,7 +88,10 @@ def step_by_step(
     at = 0.5 * (limits.low + limits.high) if posture is None else np.array(posture, float)
     still = limits.passed(*(x[None, :] for x in (at, np.zeros(count), np.zeros(count))))
     if at.shape != (count,) or still is not None:
-        raise PellucidError(f"step by step: the posture {at.tolist()} is not allowed: {still or 'wrong length'}")
+        raise PellucidError(
+            f"step by step: found the posture {at.tolist()}: {still or 'wrong length'}, expected {count} angles within "
+            "the limits"
+        )
     pieces: list[np.ndarray] = [np.tile(at, (max(round(rate), 1), 1))]
     steps: list[Step] = []
     left_out: list[str] = []

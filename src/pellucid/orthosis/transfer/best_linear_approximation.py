@@ -124,7 +124,9 @@ def best_linear_approximation(
     n = u.shape[-1]
     periods = n // samples
     if not (u.shape == y.shape == r.shape and u.ndim == 2):
-        raise IdentificationError(f"found inputs, outputs, references of shapes {u.shape}, {y.shape}, {r.shape}")
+        raise IdentificationError(
+            f"found inputs, outputs, references of shapes {u.shape}, {y.shape}, {r.shape}, expected one shape"
+        )
     if periods < 2 or n % samples:
         raise IdentificationError(
             f"found {n / samples:.3g} periods of {samples} samples, expected a whole number, 2 at least"

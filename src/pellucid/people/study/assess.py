@@ -263,7 +263,10 @@ def _participants(
     kept = tuple(person for person in people if person not in without)
     if not kept:
         said = "; ".join(f"{person}: {why}" for person, why in without.items())
-        raise RecordingError(f"assess: found no participant with recordings in all of {', '.join(conditions)} ({said})")
+        raise RecordingError(
+            f"assess: found no participant with recordings in all of {', '.join(conditions)} ({said}), expected one or "
+            "more"
+        )
     return kept, absent, without
 
 

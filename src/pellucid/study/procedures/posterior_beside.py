@@ -63,7 +63,7 @@ def posterior_table(title: str, compared: Sequence[ComparedPosterior], level: fl
             (
                 p.name,
                 unit_text(p.unit) or "1",
-                "refused" if p.refused else "at its bound" if p.at_bound else _range(p, level),
+                "not identifiable" if p.refused else "at its bound" if p.at_bound else _range(p, level),
                 number(drawn.value, drawn.standard_error),
                 "not settled" if drawn.refused else _range(drawn, level),
                 ratio if np.isfinite(ratio) else None,

@@ -220,7 +220,7 @@ def identify_hinge(study: Study, tell: Progress = quiet) -> HingeResult:
     if table.score_from < table.calibration:
         raise IdentificationError(
             f"[hinge]: found score_from = {table.score_from:g} s before the end of calibration, "
-            f"{table.calibration:g} s: the angle would be evaluated on its own calibration data"
+            f"{table.calibration:g} s: expected it later, because calibration data do not test the angle"
         )
     recordings = study.recordings()
     trials, failures = [], {}

@@ -97,7 +97,10 @@ def _even(recording: Recording, asked: TransferFunctionTable) -> tuple[float, li
     step = float(time[-1] - time[0]) / (len(time) - 1)
     off = float(np.abs(time - np.linspace(time[0], time[-1], len(time))).max())
     if not (step > 0.0 and off <= LOOK_THRESHOLDS.max_grid_deviation_steps * step):
-        raise IdentificationError(f"{where}: found samples up to {off:.3g} s off an even grid of {step:.3g} s")
+        raise IdentificationError(
+            f"{where}: found samples up to {off:.3g} s off an even grid of {step:.3g} s, expected an even grid; "
+            "resample"
+        )
     return 1.0 / step, signals
 
 

@@ -120,7 +120,8 @@ def identify_transfer(study: Study, tell: Progress = quiet) -> TransferResult:
         try:
             if not group:
                 raise IdentificationError(
-                    f"recording '{recording.name}': no fitted recording has its participant and condition"
+                    f"recording '{recording.name}': found no fitted recording of its participant and condition, "
+                    "expected one"
                 )
             joined = "+".join(group)
             if joined not in fits:
@@ -186,7 +187,9 @@ def _units(recordings: tuple[Recording, ...], channels: tuple[str, str]) -> tupl
     for recording in recordings:
         if all(name in recording for name in channels):
             return recording.channels[channels[0]].unit, recording.channels[channels[1]].unit
-    raise IdentificationError(f"no recording has both channels {channels[0]} and {channels[1]}")
+    raise IdentificationError(
+        f"found no recording with both channels {channels[0]} and {channels[1]}, expected one or more"
+    )
 
 
 def _same(one: Recording, other: Recording) -> bool:
