@@ -156,7 +156,7 @@ def test_all_is_found_at_once():
     assert holding.longest_loss == pytest.approx(100 / FS)
     assert holding.frames < len(recordings[1].optical) - 130
     assert geometry_faults(geometry, (0.1, 0.25))[0].kind == "clock"
-    with pytest.raises(RecordingError, match=r'in a recording "other", found swing, holds, long'):
+    with pytest.raises(RecordingError, match=r'for recording "other", expected one of swing, holds, long'):
         geometry["other"]
 
 
