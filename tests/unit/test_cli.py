@@ -102,7 +102,7 @@ def test_notes_are_few_unless_they_are_asked_for(bench, monkeypatch):
     assert "and 14 further notes, which -v prints" in usual
     assert verbose.count("note ") == 20
     assert "note " not in quiet
-    assert "Fit to identify from" in quiet
+    assert "fit to be used by identify?\nYes. " in quiet
 
 
 def test_check_prints_json(bench, monkeypatch):
@@ -200,6 +200,10 @@ def test_report_reads_no_recording_of_what_is_kept(bench, monkeypatch):
     assert len(bench.asked) == 1  # no longer fresh: it says what to do, and computes nothing
 
 
+def _joined(text):
+    return " ".join(text.split())
+
+
 def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
     assert run(cli.app, ["check", str(bench.folder)]).exit_code == 0
     fault = Fault("refuse", "frozen", "bench.csv", "position", "40 frozen samples", "none",
@@ -215,7 +219,8 @@ def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 1
     assert "frozen" in result.output
-    assert "1 fault." in result.output
+    assert "No. 1 fault prevents their use: position of bench.csv (40 frozen samples)." in _joined(result.output)
+    assert "Next: pellucid" not in result.output  # it would end with status 1
 
 
 def test_check_says_first_what_is_not_as_what_is_to_be_fitted(bench, monkeypatch):
@@ -230,7 +235,7 @@ def test_check_says_first_what_is_not_as_what_is_to_be_fitted(bench, monkeypatch
     monkeypatch.setattr("pellucid.study.procedures.run.check", lambda study, **_: [note, changed])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 0
-    assert "but see the warnings: emg.soleus of walk.csv." in result.output
+    assert "All 2 recordings can be used; see the warnings on emg.soleus of walk.csv." in _joined(result.output)
     assert result.output.index("floor") < result.output.index("hum")
 
 

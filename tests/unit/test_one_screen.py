@@ -24,6 +24,8 @@ SHORT_LOOPS = {
     "_tree_protocol": "lines that an optimised motion left out, of which there are a few",
     "live": "what a replay answers, and two addresses",
     "demo": "four chapters",
+    "paper": "the answers of a study's analyses, of which there are a few",
+    "report": "the answers of a study's analyses, of which there are a few",
     "commission": "a line for each number that was measured, of which there are a few",
     "try_files": "two or three lines before a table that has a bound of its own",
     "plan": "next steps of an answer, of which there are a few",
