@@ -8,12 +8,12 @@ from scipy.optimize import minimize
 
 from pellucid._errors import IdentificationError
 from pellucid.arm.fit.consistent_inertias import (
-    FROM_PRIOR_REASON,
     MIN_EIGENVALUE,
     FullParametrisation,
     bodies_from_pseudo_inertia,
     least_eigenvalue,
     least_reduced_eigenvalue,
+    make_consistent_estimate,
     pseudo_inertia,
     reduced_pseudo_inertia,
     scaled_pseudo_inertia,
@@ -25,15 +25,15 @@ from pellucid.arm.fit.fit_tree import make_tree_estimate
 from pellucid.arm.fit.friction_terms import PLAIN_TERMS
 from pellucid.arm.fit.inertia_prior import (
     InertiaPrior,
-    effort_information_shares,
     entropic_solver,
     fit_consistent,
     guessed_bodies,
     log_determinant,
     make_prior,
+    prior_covariance,
     solve_with_prior,
 )
-from pellucid.arm.fit.tree_estimate import find_base_parameters
+from pellucid.arm.fit.tree_estimate import FROM_PRIOR_REASON, find_base_parameters, parameter_verdict
 from pellucid.arm.fit.tree_regression import TreeModel, collect_rows, fit_rows
 from pellucid.arm.tree_motion import TreeMotion
 from pellucid.arm.urdf import STAND_IN
@@ -239,7 +239,31 @@ def test_a_wrong_prior_does_not_bias_what_the_efforts_determine(identified, fact
     truth = model.base.combination[:, :20] @ robot.tree.parameters
     errors = [(values[:rigid] - truth) / sd for values in (found.parameters, start.values)]
     assert np.linalg.norm(errors[0]) < 1.1 * np.linalg.norm(errors[1])
-    assert effort_information_shares(found, prior)[10 + 1] > 0.9  # moment_x of the lower link
+    moved = np.sqrt(np.diag(prior_covariance(found, prior)))
+    assert moved[10 + 1] < 0.01 * abs(bodies[1, 1])  # moment_x of the lower link
+
+
+@pytest.mark.parametrize("factor", [0.6, 1.5])
+def test_what_a_wrong_prior_decides_is_not_stated(identified, factor):
+    """Masses divide a first moment among the links as the prior does, though the efforts determine the sum."""
+    robot, rows, model = identified
+    start, _ = fit_rows(model, rows)
+    bodies = factor * FullParametrisation.of(model).maker
+    prior = InertiaPrior(bodies, make_prior(model, rows, start).weight, True)
+    found = solve_consistent(model, rows, start=start, solver=entropic_solver(prior))
+    estimate = make_consistent_estimate("consistent", rows, found, prior_covariance(found, prior))
+    truth = dict(zip(robot.tree.parameter_names, robot.tree.parameters, strict=True))
+    stated = {n: p for n, p in estimate.parameters.items() if n in truth and not p.refused}
+    assert "lower.moment_z" in stated
+    for parameter in estimate.parameters.values():
+        assert (parameter_verdict(parameter) == "from the prior") == (parameter.refused == FROM_PRIOR_REASON)
+    assert estimate.parameters["lower.mass"].refused == FROM_PRIOR_REASON
+    for name, parameter in stated.items():
+        low, high = parameter.interval(0.9999)
+        assert low <= truth[name] <= high, name
+    own = fit_consistent(model, rows, start=start)[0]
+    count = sum(own.parameters[name].refused == FROM_PRIOR_REASON for name in truth)
+    assert own.notes[0].startswith(f"{count} of 20 inertial parameters are determined mainly by the prior")
 
 
 def test_the_entropic_distance_is_least_where_its_slope_is_nothing(identified):

@@ -174,6 +174,18 @@ def test_a_spring_at_a_joint_is_a_cause_in_every_output(tmp_path, gain, unit):
     assert [answer.verdict for answer in found.joint_answers] == ["yes", "yes"]
 
 
+def test_recorded_friction_is_what_the_effort_has_beside_bodies(found):
+    """The low-pass of the effort rounds friction where a joint turns. The page draws no sharp friction there."""
+    for k, curve in enumerate(tree_page._curves(found)):
+        effort, load, moving = (
+            np.concatenate([getattr(t, name) for t in found.traces if t.use == "fit"])
+            for name in ("effort", "load", "moving")
+        )
+        rows = moving[:, k].astype(bool)
+        beside = (effort - load)[rows, k]
+        np.testing.assert_allclose(curve.measured, beside[:: max(1, len(beside) // tree_page.MAX_DRAWN_ROWS)])
+
+
 def test_a_plain_arm_has_no_cause(found):
     assert found.causes == ()
 

@@ -46,7 +46,7 @@ segment is omitted in turn, and the others are fitted again within the same boun
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -55,7 +55,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.kinematic_tree import BODY_QUANTITIES, TRIANGLE_MARGIN
 from .fit_tree import UNDETERMINED_REASON, TreeUncertainty, make_tree_estimate, student_ratio
-from .tree_estimate import BaseParameters, TreeEstimate
+from .tree_estimate import FROM_PRIOR_REASON, BaseParameters, TreeEstimate
 from .tree_regression import (
     LinearisedModel,
     NormalEquations,
@@ -400,10 +400,6 @@ class _Problem:
         return np.array(solution.x) if str(solution.status) in SOLVED_STATUSES else None
 
 
-FROM_PRIOR_REASON = "from the prior: the motion does not identify it"
-"""Reason for refusing the interval of a parameter whose value comes from the maker's bodies."""
-
-
 @dataclass(frozen=True, eq=False)
 class FullParametrisation:
     """A model of base parameters, written in all inertial parameters of its robot."""
@@ -488,25 +484,20 @@ def make_consistent_estimate(
     name: str,
     rows: TreeRows,
     found: ConsistentSolution,
-    *,
-    shares: np.ndarray,
-    least_share: float,
-    notes: Sequence[str] = (),
+    of_prior: np.ndarray,
 ) -> TreeEstimate:
     """Build an estimate with intervals from the solution `found`.
 
-    `shares`, (c,), are those of each parameter's information that come from the efforts. Parameters with less than
-    `least_share` are marked as from the prior, and intervals of the others count the prior's part too.
+    `of_prior`, (c, c), is the covariance that errors of the prior make. It is part of the intervals. Parameters most of
+    whose variance it is are marked as from the prior.
     """
     spread, fit = found.spread, found.fit
-    told = shares >= least_share
     covariance = jackknife_covariance(found)
     freedom = float(max(len(_segments_with_rows(found.equations)) - 1, 1))
     covariance *= student_ratio(freedom) ** 2
-    # Segments left out show the efforts' part of the variance, which shrinks with the share squared; all of it shrinks
-    # with the share.
-    wider = 1.0 / np.sqrt(np.maximum(shares, least_share))
-    covariance *= np.outer(wider, wider)
+    normal = found.spread.sums(found.equations, found.sd)[0]
+    told = (np.diag(of_prior) <= np.diag(covariance)) & (np.diag(normal) > 0.0)
+    covariance = covariance + of_prior
     every = np.arange(len(spread.numbers.names))
     columns = tuple(x @ spread.matrix[place] for place, x in zip(found.at.places, found.at.columns, strict=True))
     at = replace(found.at, model=spread.numbers, places=(every,) * len(columns), columns=columns)
@@ -519,7 +510,6 @@ def make_consistent_estimate(
         at,
         method="consistent",
         uncertainty=TreeUncertainty(covariance, freedom, covariance),
-        notes=notes,
     )
     parameters = {
         label: replace(each, refused=FROM_PRIOR_REASON) if each.refused == UNDETERMINED_REASON else each

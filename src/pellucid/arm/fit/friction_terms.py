@@ -171,7 +171,6 @@ def sum_friction(
     numbers: Mapping[str, float], velocity: np.ndarray, load: np.ndarray | None, width: float = 0.0
 ) -> np.ndarray:
     """Return the friction, (n,), of named coefficients at velocities and loads of shape (n,)."""
-    numbers = {name: value for name, value in numbers.items() if name != PARALLEL_STIFFNESS}
     return _sum_columns(numbers, lambda each, speed: each.column(velocity, width, speed), load, len(velocity))
 
 
@@ -191,10 +190,10 @@ def _sum_columns(
     load: np.ndarray | None,
     count: int,
 ) -> np.ndarray:
-    """Return the sum, (count,), of coefficients times their columns, which are made for each Stribeck velocity."""
+    """Return the sum, (count,), of friction coefficients times their columns, made for each Stribeck velocity."""
     total: np.ndarray = np.zeros(count)
     for name, value in numbers.items():
-        if name == STRIBECK_VELOCITY_NAME:
+        if name in (STRIBECK_VELOCITY_NAME, PARALLEL_STIFFNESS):
             continue
         coefficient = FRICTION_COEFFICIENTS[name]
         part = value * column(coefficient, numbers.get(STRIBECK_VELOCITY_NAME, np.nan))

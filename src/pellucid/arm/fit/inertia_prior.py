@@ -16,8 +16,9 @@ are not: over a correlation time of T rows, 2 T rows tell as much as one. The we
 weighted square of the residuals. No error decides on it. The prior counts as much as one independent measurement of
 each parameter. It decides where the efforts tell nothing, and adds less than a standard error elsewhere.
 
-A parameter counts as coming from the prior if the efforts' share of its information is below one half. This share is
-the diagonal of :math:`(N + wH)^{-1} N`, with H the distance's curvature at the solution.
+If the prior is wrong by its own standard deviation, parameters move by :math:`w^2 (N + wH)^{-1} H (N + wH)^{-1}`, a
+covariance with H the distance's curvature at the solution. It is part of each interval. A parameter counts as coming
+from the prior if this part of its variance exceeds that of the efforts.
 
 **Bodies that nobody stated** are guessed from the kinematics: each link is a rod from its joint to the next, all of one
 density, which least squares determines.
@@ -55,7 +56,7 @@ from .consistent_inertias import (
     solve_consistent,
 )
 from .fit_tree import correlation_times, residuals_on
-from .tree_estimate import TreeEstimate
+from .tree_estimate import FROM_PRIOR_REASON, TreeEstimate
 from .tree_regression import NormalEquations, TreeModel, TreeRows, TreeSolution, fit_rows, plain_solution
 
 
@@ -71,8 +72,6 @@ class PriorSettings:
     # Least weight as a share of the weighted sum of squared efforts, so that rounding does not decide instead.
     min_weight_share: float = 1e-11
     barrier_share: float = 1e-3  # strength of the logarithmic barrier at other parameters' bounds, over the weight
-    # A parameter comes from the prior if the efforts contribute less than this share of its information.
-    min_effort_share: float = 0.5
     # Smallest root mean square extent of a body of the prior in every direction [m]. A robot's description may contain
     # point masses, which have no entropic distance.
     min_body_extent_m: float = 0.01
@@ -295,21 +294,24 @@ def _log_determinant_slopes(values: np.ndarray, basis: np.ndarray) -> tuple[np.n
     return np.trace(moved, axis1=2, axis2=3).ravel(), curve
 
 
-def effort_information_shares(found: ConsistentSolution, prior: InertiaPrior) -> np.ndarray:
-    """Return the share of each parameter's information that comes from the efforts, (c,); the rest is from the
-    prior."""
+def prior_covariance(found: ConsistentSolution, prior: InertiaPrior) -> np.ndarray:
+    """Return the covariance, (c, c), of what an error of the prior's bodies makes of each parameter.
+
+    Such errors have the covariance of the prior itself.
+    """
     normal, projected = found.spread.sums(found.equations, found.sd)
     k, c = prior.bodies.size, len(normal)
     told = SplitObjective.of(normal, projected)
     weight = max(prior.weight, PRIOR_SETTINGS.min_weight_share * float(told.best @ told.best))
-    both = normal.copy()
     basis = reduced_pseudo_inertia(np.eye(BODY_PARAMETER_COUNT))
-    both[:k, :k] += 0.5 * weight * _log_determinant_slopes(found.fit.values[:k], basis)[1]
-    scale = np.sqrt(np.maximum(np.diag(both), 1e-300))
-    unit = both / np.outer(scale, scale) + 1e-13 * np.eye(c)
-    share = np.clip(np.diag(np.linalg.solve(unit, normal / np.outer(scale, scale))), 0.0, 1.0)
-    share[k:] *= np.diag(normal)[k:] > 0.0
-    return share
+    curvature = 0.5 * weight * _log_determinant_slopes(found.fit.values[:k], basis)[1]
+    both = normal.copy()
+    both[:k, :k] += curvature
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(both), 1e-300))
+    unit = both * np.outer(scale, scale) + 1e-13 * np.eye(c)
+    # A parameter moves by (N + wH)^-1 wH times the error, whose covariance is H^-1.
+    moved = np.linalg.solve(unit, (np.eye(c)[:, :k] * scale[:k]) @ np.linalg.cholesky(curvature)) * scale[:, None]
+    return weight * moved @ moved.T
 
 
 def solve_with_prior(
@@ -337,15 +339,15 @@ def fit_consistent(
     """
     start = fit_rows(model, rows)[0] if start is None else start
     found, prior = solve_with_prior(model, rows, start=start, stated=stated, in_si=in_si)
-    share = effort_information_shares(found, prior)
-    notes = (_prior_note(prior), _cost_note(found, prior))
-    least = PRIOR_SETTINGS.min_effort_share
-    return make_consistent_estimate(name, rows, found, shares=share, least_share=least, notes=notes), found
+    estimate = make_consistent_estimate(name, rows, found, prior_covariance(found, prior))
+    return replace(estimate, notes=(_prior_note(prior, estimate), _cost_note(found, prior))), found
 
 
-def _prior_note(prior: InertiaPrior) -> str:
+def _prior_note(prior: InertiaPrior, estimate: TreeEstimate) -> str:
     source = "stated in the robot's description" if prior.stated else "guessed from the positions of the joints"
-    return f"where efforts determine them poorly, inertias are close to those {source}"
+    size = prior.bodies.size
+    count = sum(p.refused == FROM_PRIOR_REASON for p in list(estimate.parameters.values())[:size])
+    return f"{count} of {size} inertial parameters are determined mainly by the prior, the inertias {source}"
 
 
 def _cost_note(found: ConsistentSolution, prior: InertiaPrior) -> str:

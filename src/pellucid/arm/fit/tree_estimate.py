@@ -27,6 +27,7 @@ import numpy as np
 from ... import _core
 from ...models.estimates import NamedEstimates, Parameter
 from ...models.friction_terms import STRIBECK_VELOCITY
+from ...models.joint import PARALLEL_STIFFNESS
 from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
 from .friction_terms import (
@@ -303,16 +304,23 @@ class TreeEstimate(NamedEstimates):
             y += inertia * np.outer(motion.acceleration @ turns[i], turns[i])
         return y
 
+    def friction(self, motion: TreeMotion, load: np.ndarray) -> np.ndarray:
+        """Return the friction of each joint under its `load`, filtered as the effort is; both (n, m) [N m; N]."""
+        turns, width = np.eye(load.shape[1]), self.velocity_width
+        each = [
+            sum_filtered_friction(self.joint_numbers(k), motion, turns[k], y, width) for k, y in enumerate(load.T)
+        ]
+        return np.column_stack(each)
+
     def effort(self, motion: TreeMotion) -> np.ndarray:
         """Predict the effort at the joints, shape (n, m) [N m; N], drive ripple included."""
         turns = np.asarray(self.robot.turns)
         y = self.load(motion)
-        made = y.copy()
-        width, own = self.velocity_width, np.eye(y.shape[1])
+        made = y + self.friction(motion, y)
         for k in range(y.shape[1]):
-            made[:, k] += sum_filtered_friction(self.joint_numbers(k), motion, own[k], y[:, k], width)
+            made[:, k] += self.joint_numbers(k).get(PARALLEL_STIFFNESS, 0.0) * motion.position[:, k]
         for i in self.robot.shared:
-            lost = sum_filtered_friction(self.joint_numbers(i, True), motion, turns[i], None, width)
+            lost = sum_filtered_friction(self.joint_numbers(i, True), motion, turns[i], None, self.velocity_width)
             made += np.outer(lost, turns[i])
         for each in self.ripples:
             made += np.outer(each.effort(motion.position @ turns[each.motor]), turns[each.motor])
@@ -335,8 +343,17 @@ NOT_IDENTIFIABLE_VERDICT = "not identifiable"
 """Verdict on a parameter that the recordings do not determine."""
 
 
+FROM_PRIOR_VERDICT = "from the prior"
+"""Verdict on a parameter that stated or guessed bodies determine more than the efforts do."""
+
+FROM_PRIOR_REASON = "from the prior: the motion does not identify it"
+"""Reason for refusing the interval of such a parameter."""
+
+
 def parameter_verdict(parameter: Parameter) -> str:
-    """Return the verdict on a parameter: identified, weak, on a bound, or not identifiable."""
+    """Return the verdict on a parameter: identified, weak, on a bound, from the prior, or not identifiable."""
+    if parameter.refused == FROM_PRIOR_REASON:
+        return FROM_PRIOR_VERDICT
     if parameter.at_bound:
         return ON_BOUND_VERDICT
     if parameter.refused and not parameter.standard_error:

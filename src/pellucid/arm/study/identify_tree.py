@@ -188,9 +188,10 @@ def _errors_of_consistent(
 
 
 def _trace(motion: TreeMotion, found: TreeIdentification) -> TreeTrace:
+    load = found.best.load(motion)
     return TreeTrace(
         motion.recording, motion.use, motion.time, motion.position, motion.velocity, motion.effort, motion.moving,
-        found.best.load(motion), found.best.effort(motion),
+        load, found.best.friction(motion, load), found.best.effort(motion),
     )  # fmt: skip
 
 

@@ -132,11 +132,10 @@ def _curves(found: TreeResult) -> list[FrictionCurve]:
     best, width = found.best, found.best.velocity_width
     made = []
     for k, name in enumerate(found.names):
-        speed, load, left = (np.concatenate(parts) for parts in zip(*_rows_of(found, k), strict=True))
+        speed, load, measured = (np.concatenate(parts) for parts in zip(*_rows_of(found, k), strict=True))
         step = max(1, len(speed) // MAX_DRAWN_ROWS)
-        speed, load, left = speed[::step], load[::step], left[::step]
+        speed, load, measured = speed[::step], load[::step], measured[::step]
         numbers = best.joint_numbers(k)
-        measured = left + sum_friction(numbers, speed, load, width)
         top = float(np.abs(speed).max(initial=1e-6))
         grid = np.concatenate([np.linspace(-top, -0.002 * top, 120), np.linspace(0.002 * top, top, 120)])
         loads = np.quantile(np.abs(load), (1 / 6, 1 / 2, 5 / 6)) if len(load) else np.array([0.0, 0.5, 1.0])
@@ -151,10 +150,15 @@ def _curves(found: TreeResult) -> list[FrictionCurve]:
 
 
 def _rows_of(found: TreeResult, k: int) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield speed, load and measured friction of a joint along each fitted recording.
+
+    The measured friction is the modelled one plus the residual; both have passed the filter of the effort.
+    """
     for trace in found.traces:
         if trace.use == "fit":
             rows = trace.moving[:, k]
-            yield trace.velocity[rows, k], trace.load[rows, k], trace.effort[rows, k] - trace.predicted[rows, k]
+            left = trace.effort - trace.predicted
+            yield trace.velocity[rows, k], trace.load[rows, k], (trace.friction + left)[rows, k]
 
 
 def _published(found: TreeResult) -> tuple[tuple[str, Table], ...]:

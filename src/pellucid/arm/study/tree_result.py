@@ -95,6 +95,7 @@ class TreeTrace:
     effort: np.ndarray  # measured effort, (n, m) [N m; N]
     moving: np.ndarray  # mask of the rows in which a joint moves, (n, m)
     load: np.ndarray  # effort of links and rotors by the best model, (n, m) [N m; N]
+    friction: np.ndarray  # friction of joints in that effort, filtered as the measured effort is, (n, m) [N m; N]
     predicted: np.ndarray  # effort predicted by the best model, (n, m) [N m; N]
 
 
