@@ -9,6 +9,7 @@ from pellucid._errors import ArgumentError, PellucidError
 from pellucid.arm.fit.consistent_inertias import least_reduced_eigenvalue
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
+from pellucid.start.inference.processing_choice import choose_processing
 
 RATE = 200.0
 NAMES = ("shoulder", "elbow")
@@ -76,13 +77,22 @@ def test_friction_passes_the_filter_of_the_effort(robot):
             assert plain[f"{joint}.{name}"].value == pytest.approx(true, rel=0.02)
 
 
+def test_a_proposed_filter_predicts_as_well_as_one_that_was_chosen(robot):
+    """What `init` and `try` propose leaves out the samples over which the low-pass settles, as `fit_robot` does."""
+    recorded = [swing(robot, seed) for seed in (1, 2)]
+    choice = choose_processing(recorded[0]["position"][:, 1] + 1e-4 * np.sin(1e4 * recorded[0]["time"]), RATE)
+    own = {"lowpass": choice.lowpass, "decimate": choice.decimate, "held_out": [1], "plain": True}
+    errors = [pl.fit_robot(robot, recorded, trim=trim, **own).heldout_effort_error for trim in (choice.trim, None)]
+    assert errors[0] == pytest.approx(errors[1], rel=0.05)
+
+
 def sprung(robot, seed, joint, stiffness):
     recorded = swing(robot, seed)
     recorded["effort"][:, joint] += stiffness * (recorded["position"][:, joint] - 0.1)
     return recorded
 
 
-@pytest.mark.parametrize(("joint", "stiffness"), [(1, 0.3), (1, 2.5), (0, 2.0)])
+@pytest.mark.parametrize(("joint", "stiffness"), [(1, 0.3), (1, 2.5), (0, 2.0), (1, -0.4)])
 def test_a_parallel_spring_is_named_with_its_joint_and_is_no_gravity(robot, fit, joint, stiffness):
     """A spring at the elbow of 2.5 N*m/rad exceeds the elbow's gravity, and is no effort of the other sign."""
     options = OPTIONS | {"plain": False}

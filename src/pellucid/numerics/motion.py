@@ -218,6 +218,18 @@ def with_friction_direction(motion: Motion, share: float = 1.0, travel: float = 
     return replace(motion, filtering=filtering, slip_velocity=slip, direction=direction)
 
 
+SETTLING_PERIODS = 2.0
+"""Length over which a low-pass settles at either end of a recording, in periods of its cut-off. The second derivative
+of a position needs it. With half a period, on a simulated arm that moves when its recording begins, the error of the
+effort is ten times as large."""
+
+
+def settling_samples(cutoff: float, fs: float) -> int:
+    """Return the number of samples at `fs` [Hz] over which a low-pass of a `cutoff` [Hz] settles."""
+    # A rate that rounding leaves above a whole number of samples needs no further sample.
+    return int(np.ceil(round(SETTLING_PERIODS * fs / cutoff, 6)))
+
+
 def lowpassed(samples: np.ndarray, fs: float, filtering: Filtering) -> np.ndarray:
     """`samples`, (n,) or (n, k), at `fs` [Hz] through the zero-phase low-pass of a `filtering`, if it has one."""
     if filtering.lowpass is None:

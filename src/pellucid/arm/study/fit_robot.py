@@ -30,7 +30,7 @@ from ...numerics.arguments import (
     whole_number,
     with_checked_arguments,
 )
-from ...numerics.motion import Filtering, shortest
+from ...numerics.motion import Filtering, settling_samples, shortest
 from ...numerics.sampled import sampled
 from ...study.answer import AnswerPart
 from ...study.cause_words import cause_sentence
@@ -44,9 +44,6 @@ from ..tree_motion import TreeMotion, tree_motion_of
 from ..urdf import read_robot
 from .joint_answers import answer_joints
 from .recorded_tree import SIGN_THRESHOLDS, friction_power_shares
-
-SETTLING_PERIODS = 2.0
-"""Samples within this many periods of the low-pass's cut-off are excluded at either end by default."""
 
 COLUMNS = ("position", "effort", "velocity")
 """Columns of a recording other than time."""
@@ -532,7 +529,7 @@ def _filtering_of(
         raise IdentificationError(
             f"{where}: lowpass: found {cutoff:g} Hz, expected above 0 and below {fs / 2:g} Hz, half the rate"
         )
-    settling = 0 if cutoff is None else int(np.ceil(round(SETTLING_PERIODS * fs / cutoff, 6)))
+    settling = 0 if cutoff is None else settling_samples(cutoff, fs)
     return Filtering(cutoff, order, decimate, 0.0, settling if trim is None else trim)
 
 

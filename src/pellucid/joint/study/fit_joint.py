@@ -21,7 +21,7 @@ from ...models.causes import Cause
 from ...models.estimates import Verdict
 from ...models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME, UNITS
 from ...numerics.arguments import choice, number, shown, whole_number, with_checked_arguments
-from ...numerics.motion import Filtering, shortest
+from ...numerics.motion import Filtering, settling_samples, shortest
 from ...study.array_study import ArrayStudy, array_study, parse_tables
 from ...study.procedures.run import run
 from ...study.quality import require_sound
@@ -34,9 +34,6 @@ from .aligned_motions import Alignment, aligned_motions, find_alignments
 from .array_recordings import ArrayRecording, collect_recordings, hold_out
 from .joint_faults import ReversedSignError
 from .joint_result import JointResult
-
-SETTLING_PERIODS = 2.0
-"""Default length that is trimmed at either end, in periods of the low-pass cut-off."""
 
 EFFORT_UNITS = {"rotary": "N*m", "prismatic": "N"}
 """SI unit of the effort of each kind of joint."""
@@ -532,8 +529,7 @@ def _trim_of(where: str, cutoff: float | None, rate: float, trim: Any) -> int:
         return whole_number(where, "trim", trim, 0)
     if cutoff is None or not np.isfinite(rate):
         return 0
-    # A rate that rounding leaves above a whole number of samples asks for no further sample.
-    return int(np.ceil(round(SETTLING_PERIODS * rate / cutoff, 6)))
+    return settling_samples(cutoff, rate)
 
 
 def _read_columns(recording: ArrayRecording, config: StudyFile) -> dict[str, np.ndarray]:

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from ...files.cut import BRIDGED_LOWPASS_PERIODS, MIN_GAP_STEP_RATIO
 from ...files.defects.watched import find_runs
 from ...numerics.filters import zero_phase_lowpass
-from ...numerics.motion import Filtering, shortest
+from ...numerics.motion import Filtering, settling_samples, shortest
 from ...study.study_file import Processing
 from .angle_units import find_quantum
 
@@ -43,8 +43,6 @@ class ProcessingLimits:
     max_missing_share: float = 0.5
     # The allowed share exceeds what is missing by this share, for losses are not spread evenly.
     cut_share_margin: float = 0.1
-    # Periods of the low-pass that are left out at each border, where the filter has not settled.
-    trim_lowpass_periods: float = 0.5
     # Fewest samples that are left out at each border.
     min_trim_samples: int = 20
 
@@ -223,7 +221,7 @@ def _decimation(lowpass: float, rate: float) -> int:
 
 
 def _trim(lowpass: float, rate: float) -> int:
-    return max(PROCESSING_LIMITS.min_trim_samples, round(PROCESSING_LIMITS.trim_lowpass_periods * rate / lowpass))
+    return max(PROCESSING_LIMITS.min_trim_samples, settling_samples(lowpass, rate))
 
 
 def _even_parts(position: np.ndarray, periods: np.ndarray) -> list[np.ndarray]:
