@@ -102,7 +102,7 @@ def test_an_assessment_that_plans_with_no_study_is_refused(make_study, studies):
     [
         (["reproduce", "nothing"], "unknown paper 'nothing'; known: able"),
         (["audit", "nothing.csv"], "nothing.csv: no such file"),
-        (["init", "new", "--dataset", "nothing"], 'no data set "nothing", found emps'),
+        (["init", "new", "--dataset", "nothing"], 'no data set "nothing", expected one of emps'),
         (["init", "new", "--rig", "nothing"], "unknown rig 'nothing'; known: "),
         (["init", "new", "--session", "nothing"], "found the session 'nothing', expected one of elbow"),
         (["init", "new", "--rig", "able-elbow", "--dataset", "emps"], "exactly one of --from FILES, "),

@@ -169,7 +169,7 @@ def test_a_truncated_mat_file(make_study, share):
 
 
 def test_an_unknown_data_set(tmp_path):
-    with pytest.raises(DatasetError, match=r'no data set "empz", found .*; the nearest is "emps"'):
+    with pytest.raises(DatasetError, match=r'no data set "empz", expected one of .*; the nearest is "emps"'):
         init(tmp_path / "new", dataset="empz")
     assert not (tmp_path / "new").exists()
 

@@ -202,7 +202,7 @@ def test_a_pattern_names_each_file(make_study):
     study = open_study(study.folder)
     assert [r.name for r in study.recordings()] == ["sweep.again", "sweep.sweep"]
     assert study.recording("sweep.again").path.name == "again.csv"
-    with pytest.raises(RecordingError, match=r'no recording "swep", found sweep.again, sweep.sweep'):
+    with pytest.raises(RecordingError, match=r'no recording "swep", expected one of sweep.again, sweep.sweep'):
         study.recording("swep")
 
 

@@ -213,7 +213,9 @@ def solve(
     else:
         first = after.values if after is not None else start
         if first is None:
-            raise ValueError(f"{model.label}: a nonlinear model needs `start` or `after`, found neither")
+            raise ValueError(
+                f"{model.label}: found neither `start` nor `after`, expected one of them for a nonlinear model"
+            )
         # Reweighting moves the minimum only a little, so a few steps suffice.
         most = 60 if after is None else 8
         values, (jacobian, effort), iterations, converged = _gauss_newton(model, data, w, lower, upper, first, most)

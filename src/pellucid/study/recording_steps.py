@@ -124,7 +124,7 @@ def prepared_recording(study: StudySource, name: str) -> Recording:
             names.append(each)
             if each == name:
                 return prepare(RecordedFile(study, entry, each, path))
-    raise RecordingError(f'{study.path}: no recording "{name}", found {", ".join(names) or "none"}')
+    raise RecordingError(f'{study.path}: no recording "{name}", expected one of {", ".join(names) or "none"}')
 
 
 def prepare(file: RecordedFile) -> Recording:
@@ -246,7 +246,7 @@ def exclude_by_hand(recording: Recording, file: RecordedFile) -> Recording:
             # A pattern may match files of different lengths. In a single file, a missing stretch is a mistake.
             raise RecordingError(
                 f"{file.path.name} (recording {file.entry.name}): exclude {start:g} s to {stop:g} s holds no sample, "
-                f"found times from {np.nanmin(time):g} s to {np.nanmax(time):g} s"
+                f"found times from {np.nanmin(time):g} s to {np.nanmax(time):g} s; correct the stated times"
             )
     return replace(recording, cuts=(*cuts, *recording.cuts))
 
@@ -534,7 +534,7 @@ def make_channels(
         if not inside.any():
             raise RecordingError(
                 f"{columns.path.name}: window {window[0]:g} s to {window[1]:g} s holds no sample, "
-                f"found times from {np.nanmin(time):g} s to {np.nanmax(time):g} s"
+                f"found times from {np.nanmin(time):g} s to {np.nanmax(time):g} s; correct the stated times"
             )
         values = {name: samples[inside] for name, samples in values.items()}
     for samples in values.values():

@@ -104,7 +104,7 @@ class Drive(StudyTable):
         if self.force_constant is not None and motion == "rotary":
             raise ValueError('found force_constant with motion = "rotary", expected torque_constant')
         if self.kind == "torque" and self.constant is not None:
-            raise ValueError('found a constant with kind = "torque": a measured effort needs none')
+            raise ValueError('found a constant with kind = "torque": a measured effort needs none; remove it')
         if self.resistance is not None and (self.kind != "voltage" or self.constant is None):
             raise ValueError('found resistance, expected it only with kind = "voltage" and a known constant')
         return self
@@ -200,7 +200,7 @@ class JointLimits(StudyTable):
     def _ordered(self) -> JointLimits:
         low, high = self.position_min, self.position_max
         if low is not None and high is not None and low >= high:
-            raise ValueError(f"found position_min = {low:g} not below position_max = {high:g}")
+            raise ValueError(f"found position_min = {low:g}, expected it below position_max = {high:g}")
         return self
 
 
@@ -226,7 +226,7 @@ class Slider(StudyTable):
     @model_validator(mode="after")
     def _ordered(self) -> Slider:
         if self.low >= self.high:
-            raise ValueError(f"found low = {self.low:g} m not below high = {self.high:g} m")
+            raise ValueError(f"found low = {self.low:g} m not below high = {self.high:g} m, expected low < high")
         return self
 
 

@@ -60,7 +60,7 @@ def read(path: Path) -> Columns:
     streams = [stream for stream in _load_streams(path, whole) if len(stream["time_stamps"])]
     if not streams:
         cut = f" before byte {whole.end} of {whole.size}, where the file is truncated" if whole.end < whole.size else ""
-        raise RecordingError(f"{path.name}: found no stream with samples{cut}")
+        raise RecordingError(f"{path.name}: found no stream with samples{cut}, expected one or more")
     for stream in streams:
         _require_all_samples(path, stream)
     joined = [_joined(path, name, parts) for name, parts in _by_name(streams).items()]

@@ -111,7 +111,8 @@ def simulate_pendulum(
     weight = np.maximum(np.abs(np.concatenate([values, initial])), 1e-3)
     if not np.abs(spread[-1, 0] * weight).max() < MAX_END_SHIFT_RAD:
         raise IdentificationError(
-            "the simulated pendulum diverges: a small change of its start changes its end without bound"
+            "the simulated pendulum diverges: a small change of its start changes its end without bound; record "
+            "slower or shorter motion"
         )
     samples = slice(None, None, drive.substeps)
     return PendulumMotion(states[samples, 0], states[samples, 1], spread[samples, 0], states)

@@ -91,7 +91,7 @@ def info(name: str) -> Dataset:
         known = (*names(), *motion_names())
         close = difflib.get_close_matches(name, known, 1, 0.4)
         nearest = f'; the nearest is "{close[0]}"' if close else ""
-        raise DatasetError(f'no data set "{name}", found {", ".join(known)}{nearest}') from None
+        raise DatasetError(f'no data set "{name}", expected one of {", ".join(known)}{nearest}') from None
 
 
 def template(name: str) -> Path:
