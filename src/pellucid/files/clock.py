@@ -80,7 +80,7 @@ lowest number. Stamps of packets that arrive out of order fall by less, and anyw
 def unwrap_clock(values: np.ndarray, period: float) -> np.ndarray:
     """Return the stamps of a clock that starts again, (n,), later by one more `period` after each start; NaN stays.
 
-    A counter rolls over after its period. Trials may be shorter: what a trial lacks of a period is a gap before the
+    A counter rolls over after its period. Trials may be shorter: the rest of the period is a gap before the
     next one.
     """
     known = np.flatnonzero(np.isfinite(values))

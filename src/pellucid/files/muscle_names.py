@@ -119,7 +119,7 @@ _OTHER_READINGS = {
 """Further muscles for which laboratories use an abbreviation."""
 
 _PARTNERS = {"gastrocnemius_medialis": ("gastrocnemius_lateralis", "gastrocnemius")}
-"""Muscles whose labels beside an abbreviation show that it is this muscle's."""
+"""Muscles whose labels next to an abbreviation show that it is this muscle's."""
 
 _REGION_WORDS = {
     "leg": ("femoris", "vastus", "semi", "tibialis", "soleus", "gastrocnemius", "peroneus", "gluteus", "adductor",

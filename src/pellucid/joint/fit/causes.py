@@ -113,7 +113,7 @@ def decide_parallel_spring(
     has_gravity: bool,
     min_effort_share: float = 0.0,
 ) -> ParallelSpring:
-    """Decide whether there is a spring beside what friction misses where it turns, and beside backlash.
+    """Decide whether there is a spring in addition to errors of friction at reversals and to backlash.
 
     `turning` and `gap` are the columns, each (m,), of these two. `reported` is the mean square error of the model
     without load friction. `has_gravity` tells whether gravity is estimated, which a spring could falsify. The spring

@@ -141,7 +141,7 @@ class Procedure(ABC, Generic[Table, Found]):
         return {name: fault for name, fault in faults.items() if fault is not None}
 
     def excluded_faults(self, study: Study, names: Collection[str]) -> list[Fault]:
-        """Return what else is wrong with excluded recordings, by their `names`, beside why they are excluded."""
+        """Return further faults of excluded recordings, by their `names`, next to the reason of their exclusion."""
         return []
 
     def taken(self, study: Study) -> Study:
