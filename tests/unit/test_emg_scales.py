@@ -38,6 +38,28 @@ def test_an_artefact_of_10_ms_does_not_make_a_maximum(seed, seconds):
     assert pl.maximal_envelope([spoilt], rate=RATE, chain="hill") == pytest.approx(plain, rel=0.02)
 
 
+@pytest.mark.parametrize("chain", ["hill", "able"])
+def test_the_interval_of_a_scale_covers_what_repetitions_have(chain):
+    tops = [pl.maximal_envelope([contraction(seed)], rate=RATE, chain=chain) for seed in range(40)]
+    expected, covered = float(np.mean(tops)), 0
+    for seed in range(12):
+        top, low, high = pl.maximal_envelope([contraction(seed)], rate=RATE, chain=chain, level=0.95)
+        assert low < top < high
+        assert top == pytest.approx(tops[seed])
+        covered += low <= expected <= high
+    assert covered >= 10
+    # The spread that the interval states is that of repetitions.
+    assert 0.5 < (high - low) / top / (3.92 * np.std(tops) / expected) < 2.0
+
+
+def test_more_muscles_and_contractions_have_an_interval_each():
+    x = np.column_stack([contraction(0), contraction(1)])
+    top, low, high = pl.maximal_envelope([x, x[:, ::-1]], rate=RATE, chain="hill", level=0.9)
+    assert top.shape == low.shape == high.shape == (2,)
+    with pytest.raises(pl.PellucidError, match="level"):
+        pl.maximal_envelope([x], rate=RATE, chain="hill", level=95.0)
+
+
 def trial(tmp_path, name, envelope):
     channels = {
         "time": Channel("time", np.arange(len(envelope)) / 100.0, "s", "t"),

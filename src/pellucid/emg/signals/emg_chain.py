@@ -559,8 +559,8 @@ MAX_CONTRACTION_COUNT = 100
 
 @with_checked_arguments
 def maximal_envelope(
-    contractions: Sequence[ArrayLike], *, rate: float, chain: str | EmgChain = "able"
-) -> np.ndarray | float:
+    contractions: Sequence[ArrayLike], *, rate: float, chain: str | EmgChain = "able", level: float | None = None
+) -> np.ndarray | float | tuple[np.ndarray | float, np.ndarray | float, np.ndarray | float]:
     """Return the largest envelope of maximal voluntary contractions (MVC), by which `envelope` normalises.
 
     Parameters
@@ -572,11 +572,15 @@ def maximal_envelope(
         Sampling rate [Hz].
     chain : str or EmgChain
         Chain of the envelopes that are to be relative; as in `envelope`.
+    level : float, optional
+        Probability of an interval, in (0, 1), in which repetitions of the same contractions have their largest
+        envelope. With it, the ends of the interval are returned too.
 
     Returns
     -------
     ndarray of shape (muscles,), or float
-        Largest envelope of each muscle [V]; a number for contractions of shape (n,).
+        Largest envelope of each muscle [V]; a number for contractions of shape (n,). With `level`: a tuple of it, of
+        the lower and of the upper end of its interval.
 
     Raises
     ------
@@ -606,13 +610,16 @@ def maximal_envelope(
         raise RecordingError(
             f"maximal_envelope: found the chain {asked.name}, expected one whose envelopes are relative, such as hill"
         )
-    tops = []
+    if level is not None and not 0.0 < level < 1.0:
+        raise RecordingError(f"maximal_envelope: found level = {level:g}, expected a probability in (0, 1)")
+    tops, sounds = [], []
     for i, contraction in enumerate(contractions):
         try:
             # Over a maximum of 1 V a relative envelope is one in V. A short artefact is no muscle's maximum.
             x = np.asarray(contraction, dtype=np.float64)
             sound = np.apply_along_axis(without_short_peaks, 0, x, rate) if x.ndim in (1, 2) and x.size else x
             tops.append(envelope(sound, rate=rate, chain=asked, maximum=1.0).max(axis=0))
+            sounds.append(sound.reshape(len(sound), -1))
         except RecordingError as error:
             raise RecordingError(f"maximal_envelope, contraction {i}: {error}") from None
     shapes = sorted({top.shape for top in tops})
@@ -622,4 +629,11 @@ def maximal_envelope(
             "expected the same muscles in each"
         )
     top = np.max(tops, axis=0)
-    return float(top) if top.ndim == 0 else top
+    made = float(top) if top.ndim == 0 else top
+    if level is None:
+        return made
+    from .emg_scale import scale_interval
+
+    ends = [scale_interval([x[:, k] for x in sounds], rate, asked, level) for k in range(sounds[0].shape[1])]
+    low, high = (made * (share[0] if np.ndim(made) == 0 else np.array(share)) for share in zip(*ends, strict=True))
+    return made, low, high

@@ -44,7 +44,7 @@ from . import together as across_joints
 from . import torque_findings as findings
 from .emg_torque_table import EmgTorqueTable
 from .estimator_cards import estimator_cards, torque_card
-from .relative_envelopes import normalisation_words
+from .relative_envelopes import find_scales, normalisation_words, scale_rows, scale_verdicts
 from .sessions import compare_sessions, invalidity_words, session_tables, session_verdicts
 from .study_muscles import ignored_channel_verdicts
 from .together import TogetherFigureData
@@ -243,6 +243,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     names = {trial.name: trial.recording for trial in trials}
     worth = findings.find_worth(chosen, valid, table.worthwhile_gain, names, is_founded=founded)
     stepped = estimator_cards(study, found, together)
+    scales = find_scales(study)
     stiffness = findings.find_stiffness(found, stepped)
     found.verdicts.extend(Verdict("warning", each, finding=INVALID_BANDS_FINDING) for each in bands)
     return CalibrationResult(
@@ -265,6 +266,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         ),
         verdicts=(
             *calibration_verdicts(study, evaluated, trials, chosen),
+            *scale_verdicts(scales),
             *geometry_verdicts(study),
             *findings.calibrated_muscle_verdicts(found),
             *across_joints.together_verdicts(together, found),
@@ -272,6 +274,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         ),
         rows=(
             *findings.calibration_rows(study.name, evaluated, trials, found.sessions, chosen, worth),
+            *scale_rows(study.name, scales),
             *across_joints.together_rows(study.name, together, found, trials),
             *findings.stiffness_rows(study.name, stiffness, {trial.name: trial.checksum for trial in trials}),
         ),

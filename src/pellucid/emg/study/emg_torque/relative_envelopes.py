@@ -5,17 +5,21 @@ Find faults in a study's EMG recordings: in each file, against its trial, and ag
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...._errors import IdentificationError, RecordingError
 from ....files.fault import Fault
 from ....files.recording import MAXIMAL_PROTOCOL, Recording
+from ....models.estimates import Verdict
+from ....study.results import ResultRow
 from ....study.study import Study
 from ...signals.emg_chain import EmgChain
 from ...signals.emg_findings import without_short_peaks
 from ...signals.emg_quality import EMG_LIMITS, channel_fault, contrast_faults, inspect_emg, swapped_faults
+from ...signals.emg_scale import scale_interval
 from ..muscle_channels import notch_frequencies, session_faults, study_chain
 from .emg_torque_table import EmgTorqueTable
 from .study_muscles import find_used_muscles, ignored_channels
@@ -196,6 +200,66 @@ def find_maxima(study: Study, participant: str | None, fitted: Sequence[Recordin
             "largest envelope of each muscle, which others are relative to"
         )
     return top
+
+
+@dataclass(frozen=True)
+class EnvelopeScale:
+    """Largest envelope of a participant's muscle, by which envelopes are made relative, with its interval."""
+
+    participant: str | None
+    muscle: str
+    value: float  # V
+    low: float  # Ends of the interval of repetitions of the same effort [V]
+    high: float
+
+
+SCALE_LEVEL = 0.95
+"""Probability of the interval of a scale."""
+
+
+def find_scales(study: Study) -> list[EnvelopeScale]:
+    """Return the scale of each muscle of raw EMG with maximal contractions, and its interval. `study` [emg_torque]."""
+    chain = _study_chain(study)
+    if chain is None or not _has_normalisation(chain) or study.table(EmgTorqueTable).normalise in ("largest", "none"):
+        return []
+    found = []
+    for person in dict.fromkeys(r.participant for r in study.recordings()):
+        source = _maximal_recordings(study, person)
+        top = find_maxima(study, person, source) if source else {}
+        for muscle, value in top.items():
+            contractions = []
+            for recording in source:
+                stream = recording.stream_or_self(study.table(EmgTorqueTable).emg)
+                inside = find_window(stream.uncut or stream, recording, f"emg.{muscle}")
+                samples = (stream.uncut or stream)[f"emg.{muscle}"][inside]
+                contractions.append(without_short_peaks(samples, stream.fs))
+            low, high = scale_interval(contractions, stream.fs, chain, SCALE_LEVEL)
+            found.append(EnvelopeScale(person, muscle, value, low * value, high * value))
+    return found
+
+
+def scale_verdicts(scales: Sequence[EnvelopeScale]) -> list[Verdict]:
+    """Return a note of how certain the scales are."""
+    if not scales:
+        return []
+    widest = max(scales, key=lambda scale: (scale.high - scale.low) / scale.value)
+    below, above = (100.0 * abs(end / widest.value - 1.0) for end in (widest.low, widest.high))
+    text = (
+        f"A repetition of the same maximal contractions changes the largest envelope of {widest.muscle}, the least "
+        f"certain one, by -{below:.0f} to +{above:.0f} % ({100.0 * SCALE_LEVEL:g} % interval). All envelopes of the "
+        "muscle change with it."
+    )
+    return [Verdict("note", text)]
+
+
+def scale_rows(study: str, scales: Sequence[EnvelopeScale]) -> Iterator[ResultRow]:
+    """Yield the scale of each muscle and the ends of its interval."""
+    for scale in scales:
+        base = ".".join(filter(None, (study, "emg_scale", scale.participant, scale.muscle)))
+        yield ResultRow(base, scale.value, "V", "calibrate", "fitted", None, "largest envelope of maximal contractions")
+        for end in ("low", "high"):
+            note = f"{end} end of the {100.0 * SCALE_LEVEL:g} % interval of a repetition of the same effort"
+            yield ResultRow(f"{base}.{end}", getattr(scale, end), "V", "calibrate", "fitted", None, note)
 
 
 def normalisation_words(study: Study) -> str:
