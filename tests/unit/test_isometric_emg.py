@@ -7,7 +7,7 @@ from made_emg import FS, raw_emg
 import pellucid
 from pellucid._errors import IdentificationError, RecordingError, StudyError
 from pellucid.emg.study.emg_torque.emg_torque_table import EmgTorqueTable
-from pellucid.emg.study.emg_torque.relative_envelopes import emg_faults
+from pellucid.emg.study.emg_torque.relative_envelopes import emg_faults, find_scales, scale_rows, scale_verdicts
 from pellucid.emg.study.emg_torque.study_muscles import ignored_channel_verdicts
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.emg.study.muscle_channels import find_notch, mains_verdicts, notch_frequencies, study_chain
@@ -94,6 +94,16 @@ def test_a_constant_angle_and_shares_of_a_maximal_contraction(files):
     assert np.max(ramps.torque) == pytest.approx(0.8, rel=0.02)
     # Relative to the maximal contraction, which is fitted nowhere.
     assert np.max(ramps.envelopes["vastus_lateralis"]) == pytest.approx(0.8, abs=0.2)
+
+
+def test_scales_have_an_interval_in_rows_and_notes(files):
+    scales = find_scales(study(files))
+    assert [scale.muscle for scale in scales] == ["vastus_lateralis", "biceps_femoris"]
+    assert all(scale.low < scale.value < scale.high < 2.0 * scale.value for scale in scales)
+    rows = {row.id: row.value for row in scale_rows("isometric", scales)}
+    assert rows["isometric.emg_scale.vastus_lateralis.low"] == pytest.approx(scales[0].low)
+    (note,) = scale_verdicts(scales)
+    assert "95 % interval" in note.text
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from pellucid.emg.estimators.synergies import (
     Synergies,
     SynergyCount,
     chance_similarity,
+    common_number,
     count_synergies,
     find_synergies,
     similarity,
@@ -172,6 +173,25 @@ def test_what_cannot_be_factored_is_refused(change, muscles, said):
         find_synergies(envelopes(1), MUSCLES, 9)
 
 
+def count_of(best, seed, sure=True):
+    """Return a count that chooses `best` on every block, or on half of them only one more."""
+    rng = np.random.default_rng(seed)
+    numbers = np.arange(1, 7)
+    errors = np.abs(numbers - best) + 0.01 * rng.standard_normal((5, 6))
+    if not sure:
+        errors[::2] = np.abs(numbers - best - 1) + 0.01 * rng.standard_normal((3, 6))
+    plain = np.zeros(6)
+    return SynergyCount(numbers, plain, plain, plain, plain, plain, errors)
+
+
+def test_the_common_number_has_an_interval_over_people():
+    alike = common_number([[count_of(4, seed)] for seed in range(8)])
+    assert (alike.number, alike.interval, alike.people) == (4, (4, 4), 8)
+    differing = common_number([[count_of(best, best)] for best in (2, 3, 4, 5, 5, 6)])
+    assert differing.interval[0] < differing.number <= differing.interval[1]
+    assert differing.interval[1] - differing.interval[0] >= 2
+
+
 @pytest.mark.nightly
 def test_people_share_them(tmp_path):
     opened = study(tmp_path / "groups", more="most = 3")
@@ -179,6 +199,7 @@ def test_people_share_them(tmp_path):
     found = synergies(opened)
     rows = {row.id: row.value for row in found.rows}
     assert rows["groups.P1.synergies.number"] == rows["groups.P2.synergies.number"] == 3
+    assert rows["groups.synergies.number"] == rows["groups.synergies.number.low"] == 3
     assert rows["groups.synergies.alike.P1.P2.cosine"] > 0.98
     page = report(opened, found).read_text()
     assert all(part in page for part in ("synergy_count_1", "synergies_2", "Similarity of synergies"))

@@ -111,15 +111,12 @@ class SynergyCount:
     def interval(self) -> tuple[int, int]:
         """Least and largest number that is chosen on blocks of time drawn with replacement, of the stated interval."""
         rng = np.random.default_rng(SYNERGY_FIT.seed)
-        blocks = len(self.errors)
-        drawn = [
-            self.numbers[_within_one_error(self.errors[rng.integers(blocks, size=blocks)])]
-            for _ in range(SYNERGY_FIT.draw_count)
-        ]
-        tail = 0.5 * (1.0 - SYNERGY_FIT.interval)
-        low, high = np.quantile(drawn, (tail, 1.0 - tail), method="nearest")
-        return min(int(low), self.best), max(int(high), self.best)
+        return _drawn_interval([self.draw(rng) for _ in range(SYNERGY_FIT.draw_count)], self.best)
 
+    def draw(self, rng: np.random.Generator) -> int:
+        """Return the number that is chosen on blocks of time drawn with replacement."""
+        blocks = len(self.errors)
+        return int(self.numbers[_within_one_error(self.errors[rng.integers(blocks, size=blocks)])])
 
     @property
     def predicting(self) -> int:
@@ -135,6 +132,36 @@ class SynergyCount:
             return said
         share = 100.0 * float(self.heldout[list(self.numbers).index(number)])
         return f"{said} account{'s' if number == 1 else ''} for {share:.0f} % of the held-out variance"
+
+
+@dataclass(frozen=True)
+class CommonNumber:
+    """Number of synergies of several people, with its interval over people and over blocks of their time."""
+
+    number: int
+    interval: tuple[int, int]
+    people: int
+
+
+def common_number(people: Sequence[Sequence[SynergyCount]]) -> CommonNumber:
+    """Return the median number of synergies of people, each with one count or more, and its interval.
+
+    For the interval, people are drawn with replacement, and blocks of time of each of their counts.
+    """
+    rng = np.random.default_rng(SYNERGY_FIT.seed)
+    number = int(np.median([count.best for own in people for count in own]))
+    drawn = []
+    for _ in range(SYNERGY_FIT.draw_count):
+        chosen = [people[i] for i in rng.integers(len(people), size=len(people))]
+        drawn.append(int(np.median([count.draw(rng) for own in chosen for count in own])))
+    return CommonNumber(number, _drawn_interval(drawn, number), len(people))
+
+
+def _drawn_interval(drawn: Sequence[int], number: int) -> tuple[int, int]:
+    """Return the interval of drawn numbers, which holds the `number` itself."""
+    tail = 0.5 * (1.0 - SYNERGY_FIT.interval)
+    low, high = np.quantile(drawn, (tail, 1.0 - tail), method="nearest")
+    return min(int(low), number), max(int(high), number)
 
 
 def _within_one_error(errors: np.ndarray) -> int:

@@ -18,9 +18,11 @@ from ....study.results import ResultRow, combined_checksum
 from ....study.study import Study
 from ...estimators.synergies import (
     SYNERGY_FIT,
+    CommonNumber,
     Synergies,
     SynergyCount,
     chance_similarity,
+    common_number,
     count_synergies,
     find_synergies,
     largest_envelopes,
@@ -104,8 +106,12 @@ def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
         chosen[name] = counts[name] = count_synergies(*known, None, table.most)
         if heldout:
             counts[name] = count_synergies(*known, np.concatenate([each.matrix for each in heldout]), table.most)
+    by_person: dict[str | None, list[SynergyCount]] = {}
+    for name, count in chosen.items():
+        by_person.setdefault(grouped[name][0].participant, []).append(count)
     # Groups are compared synergy by synergy. All therefore have the median of the groups' numbers.
-    usual = table.number or int(np.median([count.best for count in chosen.values()]))
+    common = common_number([*by_person.values()])
+    usual = table.number or common.number
     groups = []
     for name, (fitted, heldout) in parts.items():
         found = find_synergies(np.concatenate([each.matrix for each in fitted]), muscles, usual)
@@ -121,10 +127,10 @@ def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
     checksum = combined_checksum(each.checksum for members in grouped.values() for each in members)
     return SynergiesResult(
         study=study.name,
-        headline=_headline(groups, alike),
+        headline=_headline(groups, alike, common),
         tables=(*_tables(groups), *_similarity_table(alike)),
         verdicts=tuple(_verdicts(groups)),
-        rows=tuple(_rows(study.name, groups, alike, checksum)),
+        rows=tuple((*_rows(study.name, groups, alike, checksum), *_common_rows(study.name, common, checksum))),
         cards={},
         checksums={each.name: each.checksum for members in grouped.values() for each in members},
         groups=tuple(groups),
@@ -217,7 +223,7 @@ def _compare_groups(one: GroupSynergies, other: GroupSynergies, parts: dict) -> 
     )  # fmt: skip
 
 
-def _headline(groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...]) -> str:
+def _headline(groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...], common: CommonNumber) -> str:
     """Return the headline: number of synergies, held-out variance, and similarity of groups."""
     count, number = groups[0].count, len(groups[0].synergies)
     if len(groups) == 1:
@@ -227,10 +233,12 @@ def _headline(groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...]) 
     least = min(100 * g.count.heldout[where] for g in groups)
     above = sum(each.cosine > each.chance for each in alike)
     own = [g.within.best for g in groups]
-    often = f"{min(own)}" if min(own) == max(own) else f"{min(own)} to {max(own)}"
+    low, high = common.interval if common.people > 1 else (min(own), max(own))
+    often = f"{low}" if low == high else f"{low} to {high}"
+    over = f", over {common.people} participants" if common.people > 1 else ""
     return (
         f"{number} synerg{several} for at least {least:.0f} % of the held-out variance in {len(groups)} groups "
-        f"({often} by bi-cross-validation); "
+        f"({often} by bi-cross-validation{over}); "
         f"{above} of {len(alike)} pairs of groups are more similar than expected by chance."
     )
 
@@ -281,6 +289,20 @@ def _verdicts(groups: list[GroupSynergies]) -> Iterator[Verdict]:
                 f"{name}no number of synergies predicts a held-out muscle from the others (R² below 0). Do not use "
                 "synergies to fill in unrecorded muscles.",
             )
+
+
+def _common_rows(study: str, common: CommonNumber, checksum: str) -> Iterator[ResultRow]:
+    """Yield the number of synergies of all participants and its interval, where there are several."""
+    if common.people < 2:
+        return
+    over = f"{100 * SYNERGY_FIT.interval:g} % interval over {common.people} participants and blocks of time"
+    values = (
+        ("", common.number, f"median of {common.people} participants"),
+        (".low", common.interval[0], f"lower end of the {over}"),
+        (".high", common.interval[1], f"upper end of the {over}"),
+    )
+    for ending, value, note in values:
+        yield ResultRow(f"{study}.synergies.number{ending}", value, "1", "synergies", "fitted", checksum, note)
 
 
 def _rows(
