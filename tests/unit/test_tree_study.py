@@ -171,6 +171,11 @@ def test_a_spring_at_a_joint_is_a_cause_in_every_output(tmp_path, gain, unit):
     assert row.note in said
     assert "At elbow, a parallel spring of " in pl.report(study, found).read_text(encoding="utf-8")
     assert found.fit.causes == found.causes
+    # Cards have no springs: the offset is the mean effort of what the card lacks.
+    position = np.concatenate([t.position[:, 1] for t in found.traces if t.use == "fit"])
+    offset = found["elbow.offset"].value + cause.size * position.mean()
+    assert found.cards["tree.best"].joint_columns["offset"][1] == pytest.approx(offset)
+    assert any("spring of elbow is not in this card" in note for note in found.cards["tree.best"].notes)
     assert [answer.verdict for answer in found.joint_answers] == ["yes", "yes"]
 
 

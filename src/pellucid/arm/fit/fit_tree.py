@@ -20,7 +20,7 @@ fitted again. The jackknife over segments, which end where a robot stops, is the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +28,9 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.causes import Cause
 from ...models.estimates import Parameter
+from ...models.joint import PARALLEL_STIFFNESS
 from ...models.robot import Robot
+from ...numerics.block_test import MIN_IMPROVEMENT
 from ...numerics.motion import require_fitted
 from ...numerics.regression import make_parameters
 from ...numerics.uncertainty import BLOCK_SETTINGS, correlation_time, student_to_normal_ratio
@@ -45,7 +47,9 @@ from .tree_regression import (
     collect_rows,
     compute_loads,
     fit_rows,
+    left_out_joint_losses,
     linearise_rows,
+    sum_normal_equations,
 )
 
 ModelFit = Callable[[TreeRows], tuple[TreeModel, TreeSolution]]
@@ -438,10 +442,9 @@ def fit_best_model(
     choice = choose_families(rows, terms)
     model = TreeModel(rows.robot, rows.base, choice.families, choice.speeds)
     found, at = fit_rows(model, rows)
-    springs: dict[int, float] = {}
     # A spring at one joint may hide one at another, and what looked like friction without it.
-    while new := find_parallel_springs(at, found):
-        springs |= new
+    while new := _springs_of_robot(at, found, find_parallel_springs(at, found)):
+        springs = {**choice.springs, **new}
         choice = replace(choose_families(rows, terms, sprung=springs), springs=springs)
         model = TreeModel(rows.robot, rows.base, choice.families, choice.speeds)
         found, at = fit_rows(model, rows)
@@ -450,6 +453,21 @@ def fit_best_model(
         model = replace(model, ripples=ripples)
         found, at = fit_rows(model, rows, load=compute_loads(rows, model, found.values))
     return choice, lines, found, at
+
+
+def _springs_of_robot(at: LinearisedModel, found: TreeSolution, springs: Mapping[int, float]) -> dict[int, float]:
+    """Return those of `springs`, shares by joint, that predict left-out segments better in the model of all joints."""
+    if not springs:
+        return {}
+    rows, model = at.rows, at.model
+    families = tuple(f + (PARALLEL_STIFFNESS,) * (k in springs) for k, f in enumerate(model.families))
+    load = compute_loads(rows, model, found.values)
+    wide = linearise_rows(replace(model, families=families), rows, load, model.alpha(found.values))
+    present = np.unique(rows.segment[rows.used.any(axis=1)])
+    before, after = (
+        left_out_joint_losses(sum_normal_equations(x).of_segments(present), found.sd).sum(axis=0) for x in (at, wide)
+    )
+    return {k: share for k, share in springs.items() if after[k] <= (1.0 - MIN_IMPROVEMENT) ** 2 * before[k]}
 
 
 def rows_without_maker_effort(rows: TreeRows, motions: Sequence[TreeMotion]) -> TreeRows:

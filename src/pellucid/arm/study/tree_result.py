@@ -12,10 +12,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ... import _core
 from ..._errors import IdentificationError
 from ...models.causes import Cause
 from ...models.estimates import Parameter
 from ...models.friction_terms import STRIBECK_FRICTION
+from ...models.joint import PARALLEL_STIFFNESS
 from ...models.robot import Robot
 from ...models.tree_card import JointRange, Ripple, TreeCard
 from ...numerics.motion import Filtering
@@ -460,7 +462,7 @@ def tree_card(study: Study, found: TreeResult, model: TreeEstimate) -> TreeCard:
         bodies=tuple(joint.child for joint in tree.order),
         links=_rows(model.links()),
         gravity=tuple(float(x) for x in tree.gravity),
-        joints=_rows(model.joints()),
+        joints=_rows(_without_springs(model, seen[0])),
         turns=_rows(found.robot.turns_array),
         motors=() if motors is None else _rows(motors),
         gains=tuple(gain for gain, _, _ in found.gains),
@@ -475,12 +477,29 @@ def tree_card(study: Study, found: TreeResult, model: TreeEstimate) -> TreeCard:
         heldout_error=() if judged is None else judged.each,
         processing=found.filter_note,
         confidence=level,
-        notes=tuple(model.notes),
+        notes=(*model.notes, *_spring_notes(model)),
         checksums=dict(found.checksums),
         pellucid=version("pellucid"),
         ripples=tuple(Ripple(found.names[r.motor], r.order, r.cosine, r.sine) for r in model.ripples),
         known={f"{p.recording}.payload": p.known for p in found.payloads if p.known is not None},
     )
+
+
+def _without_springs(model: TreeEstimate, position: np.ndarray) -> np.ndarray:
+    """Return the core's parameters of joints, which have no springs, with the springs' mean effort in the offsets.
+
+    `position`, (n, m), is that of the fitted recordings.
+    """
+    made = model.joints()
+    stiffness = [model.joint_numbers(k).get(PARALLEL_STIFFNESS, 0.0) for k in range(len(made))]
+    made[:, _core.TREE_JOINT_PARAMETER_NAMES.index("offset")] += np.array(stiffness) * position.mean(axis=0)
+    return made
+
+
+def _spring_notes(model: TreeEstimate) -> Iterator[str]:
+    for name, family in zip(model.robot.names, model.families, strict=True):
+        if PARALLEL_STIFFNESS in family:
+            yield f"the parallel spring of {name} is not in this card, except that its mean effort is in the offset"
 
 
 def _rows(values: np.ndarray) -> tuple[tuple[float, ...], ...]:
