@@ -249,3 +249,16 @@ def test_masked_samples_are_missing_and_cut_out(recorded, fit):
     assert any("missing samples (NaN)" in v.text for v in found.verdicts)
     again = pl.fit_joint(T, q, np.where(gone, np.nan, effort), lowpass=10.0, decimate=5)
     assert np.array_equal(again.array, found.array)
+
+
+@pytest.mark.parametrize(("size", "rate_hz", "stiffness"), [(2e-3, 0.05, 200.0), (0.02, 0.05, 200.0)])
+def test_a_spring_on_a_bench_is_advised_in_words_of_arrays(size, rate_hz, stiffness):
+    t = np.arange(0.0, 30.0, 0.005)
+    q = size * np.sin(2.0 * np.pi * rate_hz * t)
+    effort = stiffness * (q + 0.01 * size * np.random.default_rng(1).standard_normal(t.size))
+    with pytest.raises(PellucidError) as told:
+        pl.fit_joint(t, q, effort, lowpass=10.0, decimate=5, thorough=False)
+    assert str(told.value).endswith(
+        "; if one end of a spring is locked, pellucid.propose writes a study of it from the same columns"
+    )
+    assert not [word for word in ("study.toml", "[[recordings]]", "protocol", "sign = ") if word in str(told.value)]

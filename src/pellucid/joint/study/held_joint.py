@@ -18,6 +18,17 @@ MAX_POSTURE_RANGE_RAD = np.radians(0.5)
 """A joint whose angle stays within this range in a recording is held there [rad]."""
 
 
+LOCKED_SPRING_ADVICE = (
+    f'if one end of a spring is locked, state protocol = "{LOCKED_SPRING_PROTOCOL}" in every [[recordings]]'
+)
+"""How to state a spring on the bench in study.toml."""
+
+LOCKED_SPRING_ADVICE_FOR_ARRAYS = (
+    "if one end of a spring is locked, pellucid.propose writes a study of it from the same columns"
+)
+"""The same where recordings are arrays, which have no protocol."""
+
+
 def is_locked_spring(study: Study) -> bool:
     """Whether every recording that a study fits is said to be of a locked spring."""
     fitted = [entry.protocol for entry in study.config.recordings if entry.use == "fit"]
@@ -31,7 +42,7 @@ def spring_advice(study: Study) -> str:
     """
     if is_locked_spring(study) or not (is_held_throughout(study) or _follows_position(study)):
         return ""
-    return f'if one end of a spring is locked, state protocol = "{LOCKED_SPRING_PROTOCOL}" in every [[recordings]]'
+    return LOCKED_SPRING_ADVICE
 
 
 def with_spring_advice(study: Study, faults: Sequence[Fault]) -> list[Fault]:

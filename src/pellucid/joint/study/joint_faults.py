@@ -50,7 +50,7 @@ class ReversedSignError(IdentificationError):
 
     def __init__(self, found: str, do: str):
         super().__init__(f"{found}: {do}")
-        self.found = found
+        self.found, self.do = found, do
 
 
 def require_sign(model: JointModel, data: Stack, channel: str | None) -> None:

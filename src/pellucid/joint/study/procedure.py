@@ -62,6 +62,7 @@ def run(
     from ..._errors import IdentificationError
     from ..fit.recording_agreement import StatedValueError
     from .held_joint import is_held_throughout, is_locked_spring, spring_advice
+    from .joint_faults import ReversedSignError
 
     if is_locked_spring(study):
         from .spring_recordings import identify_spring
@@ -81,6 +82,8 @@ def run(
         advice = spring_advice(study)
         if not advice:
             raise
+        if isinstance(error, ReversedSignError):
+            raise ReversedSignError(error.found, f"{error.do}; {advice}") from error
         raise IdentificationError(f"{error}; {advice}") from error
 
 
