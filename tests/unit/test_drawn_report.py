@@ -1,6 +1,8 @@
 """A report whose inputs did not change is not drawn again; whatever changed, it is."""
 
 import shutil
+import subprocess
+import sys
 
 import pytest
 from typer.testing import CliRunner
@@ -106,3 +108,9 @@ def test_with_a_recording_elsewhere_it_is_always_drawn(folder, tmp_path):
 
 def test_kept_columns_are_told_by_their_own_ending():
     assert KEPT_COLUMNS_ENDING == FILE_ENDING
+
+
+def test_a_report_that_is_not_drawn_again_needs_no_numpy():
+    code = "import sys, pellucid.study.drawn_report; print('numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"

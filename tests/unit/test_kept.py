@@ -12,7 +12,7 @@ from pellucid.files import kept_columns
 from pellucid.files import kept_columns as keepers_mark
 from pellucid.files.kept_columns import SEAL_LENGTH, mark, seal
 from pellucid.models.estimates import Parameter, Verdict
-from pellucid.study import kept as code_fingerprint
+from pellucid.study import code_fingerprint
 from pellucid.study.kept import TREE_KEY, keep_result, read_kept
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.result import FigureTable, ParameterTable, Result

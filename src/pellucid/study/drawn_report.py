@@ -15,7 +15,7 @@ from pathlib import Path
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
 from .._given import require_inside, visible_text
-from .kept import code_fingerprint
+from .code_fingerprint import code_fingerprint
 from .study_place import StudyPlace, checksum
 
 PAGE_NAME = "index.html"

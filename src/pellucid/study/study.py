@@ -130,7 +130,7 @@ class Study(StudySource):
 
     def fingerprint(self, more: Iterable[Path] = ()) -> str:
         """Return the SHA-256 of study.toml, of all recordings' files, of `more` files and of Pellucid's own code."""
-        from .kept import code_fingerprint
+        from .code_fingerprint import code_fingerprint
 
         digests = {path: self.digest(path) for path in (self.path, *self.files())}
         # Cards may change while a study is open, so they are read again. Recordings are read once.
