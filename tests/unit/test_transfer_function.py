@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.files.recording import Channel, Recording
-from pellucid.models.filtered_dynamics import march
+from pellucid.orthosis.linear_recursion import march
 from pellucid.models.joint import joint_model
 from pellucid.models.simulate import LoopSetting, simulate
 from pellucid.orthosis.input_output import InputOutput, input_output

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
 
 from .._errors import RecordingError
 from .uncertainty import correlation_length
@@ -89,6 +87,9 @@ def align(
             f"alignment: the records share {inside.sum()} samples at every delay up to {longest:g} s, expected at "
             f"least {MIN_SHARED_SAMPLES}: record longer with both instruments"
         )
+    from scipy.interpolate import CubicSpline  # loads slowly, and most studies have one clock
+    from scipy.optimize import least_squares
+
     t, y = time[inside], rate[inside]
     if np.std(y) == 0.0 or np.std(other_rate) == 0.0:
         raise RecordingError(

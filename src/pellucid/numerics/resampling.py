@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from math import cos, pi, sin
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.optimize import brentq
 
 from .._errors import RecordingError
 
@@ -25,6 +23,8 @@ class Resampled:
 def resample(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray) -> Resampled:
     """Interpolate by a cubic spline, 20 Hz to 500 Hz say; the spline passes through every sample. `time` (n,) [s];
     `samples` (n,); `wanted` (m,) [s]."""
+    from scipy.interpolate import CubicSpline  # loads slowly, and most studies have one clock
+
     samples = np.asarray(samples, float)
     if len(time) < 4 or np.any(np.diff(time) <= 0.0):
         raise RecordingError(f"resampling: found {len(time)} samples, expected four or more at increasing times")
@@ -50,6 +50,8 @@ def linear(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray) -> np.ndar
 def spline_bandwidth(fs: float) -> float:
     """Frequency at which a cubic spline through samples at `fs` [Hz] is 3 dB down [Hz]: its response is
     sinc^4(f/fs) 3 / (2 + cos(2 pi f/fs))."""
+
+    from scipy.optimize import brentq
 
     def response(x):
         return (sin(pi * x) / (pi * x)) ** 4 * 3.0 / (2.0 + cos(2.0 * pi * x)) - 0.5**0.5

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import IdentificationError
-from ..models.filtered_dynamics import march
+from .linear_recursion import march
 
 INPUT_HOLDS = ("zero", "first")
 """What the input does between samples: stay, or go straight to the next one."""

@@ -28,9 +28,10 @@ from scipy.special import ndtri
 from ... import _core
 from ..._errors import IdentificationError
 from ...models.estimates import Estimates, Parameter, Whiteness
-from ...models.filtered_dynamics import march, regressor
+from ...models.filtered_dynamics import regressor
 from ...numerics.uncertainty import sandwich_covariance, whiteness
 from ..input_output import InputOutput
+from ..linear_recursion import march
 from ..transfer_function import INPUT_HOLDS, filtered_powers, time_steps
 from .fit_transfer_function import SINGULAR_VALUE_TOLERANCE, Response, require_samples
 
