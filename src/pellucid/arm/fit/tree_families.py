@@ -37,6 +37,7 @@ import numpy as np
 
 from ...models.friction_terms import DIRECTIONAL_FEATURE, STRIBECK_FRICTION
 from ...numerics.block_test import MIN_IMPROVEMENT, sign_flip_p_value
+from ...numerics.searches.scalar_search import minimise_on_interval
 from .friction_terms import FRICTION_COEFFICIENTS, FURTHER_MOTOR_TERMS, FURTHER_TERMS, TERM_COEFFICIENTS, plain_families
 from .tree_estimate import Ripple
 from .tree_regression import (
@@ -297,15 +298,12 @@ def _neighbour_mean(power: np.ndarray, half: int) -> np.ndarray:
 
 def _refine_order(angle: np.ndarray, residual: np.ndarray, order: float, step: float) -> float:
     """Refine a coarse order to the one whose sine and cosine explain most of the residual."""
-    from scipy.optimize import minimize_scalar
-
     def left(x: float) -> float:
         w = np.column_stack([np.sin(x * angle), np.cos(x * angle)])
         pull = w.T @ residual
         return -float(pull @ np.linalg.solve(w.T @ w, pull))
 
-    found = minimize_scalar(left, bounds=(order - step, order + step), method="bounded", options={"xatol": 1e-4})
-    return float(found.x)
+    return minimise_on_interval(left, order - step, order + step, tolerance=1e-4)
 
 
 def find_lines(at: LinearisedModel, found: TreeSolution, rate: float) -> tuple[SpectralLine, ...]:

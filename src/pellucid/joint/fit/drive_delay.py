@@ -15,6 +15,7 @@ from ...models.joint import PARALLEL_STIFFNESS, JointModel, joint_model
 from ...numerics.delay import Columns, Delay, DelayFit, DrivenRows, combine_models, fit_delay, prefer_better_lag
 from ...numerics.filters import anti_aliased
 from ...numerics.motion import Motion
+from ...numerics.searches.scalar_search import minimise_on_interval
 from .friction_solver import with_known_stribeck_velocity
 
 STRIBECK_SPEED_SHARE = 0.05
@@ -169,7 +170,6 @@ def actuator_residual(
     Each of `recordings` has command [N m], torque [N m], joint position [rad] and motor angle [rad], each (n,); `fs`
     and `cutoff` are in [Hz]. The results are in [kg m^2], [N m s/rad], [N m], [1/s], [rad/s], 1, [N m/rad] and 1.
     """
-    from scipy.optimize import minimize_scalar
     from scipy.signal import butter, sosfiltfilt
 
     sos = butter(4, cutoff, fs=fs, output="sos")
@@ -201,7 +201,7 @@ def actuator_residual(
         beta = np.linalg.lstsq(x, y, rcond=None)[0]
         return float(np.sum((y - x @ beta) ** 2) / np.sum((y - y.mean()) ** 2)), beta
 
-    leak = float(minimize_scalar(lambda c: rest(c)[0], bounds=(0.0, 8.0), method="bounded").x)
+    leak = minimise_on_interval(lambda c: rest(c)[0], 0.0, 8.0)
     share, beta = rest(leak)
     inertia, viscous, coulomb, feedback = (float(b) for b in np.maximum(beta[:4], 0.0))
     deflection, torque = (np.concatenate(parts) for parts in zip(*spring, strict=True))

@@ -27,6 +27,7 @@ from ...numerics.regression import (
     snap_to_bounds,
     solve,
 )
+from ...numerics.searches.scalar_search import minimise_on_interval
 
 BLOCK_COUNT = 10
 """Number of blocks into which all data are cut; a block never spans two recordings."""
@@ -255,8 +256,6 @@ def _profile_stribeck_velocity(
     model: JointModel, data: Stack[Motion], w: np.ndarray, consistent: bool, after: Solution | None
 ) -> Solution:
     """Profile over the Stribeck velocity. With it fixed, the other parameters have no local minima."""
-    from scipy.optimize import minimize_scalar
-
     at = model.names.index(STRIBECK_VELOCITY.name)
     top = float(model.bounds()[1][at])
     if not np.isfinite(top):
@@ -287,8 +286,8 @@ def _profile_stribeck_velocity(
         costs = [cost(x) for x in grid]
         best = int(np.argmin(costs))
         if np.isfinite(costs[best]) and tried[float(np.exp(grid[best]))].values[_stribeck_index(model)] > 0.0:
-            around = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
-            minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02, "maxiter": 12})
+            low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+            minimise_on_interval(cost, low, high, tolerance=0.02, evaluations=12)
     if not tried:
         raise IdentificationError(
             f"stribeck cannot be identified (family '{model.family}'): found no sample between the dead band and "

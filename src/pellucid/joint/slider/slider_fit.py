@@ -55,6 +55,7 @@ from ...numerics.regression import (
     solve,
     stack,
 )
+from ...numerics.searches.scalar_search import minimise_on_interval
 from ...numerics.uncertainty import sandwich_covariance
 from ..fit.discrepancy import collect_states, estimate_discrepancy
 from .axis_offset import AxisOffset
@@ -271,12 +272,10 @@ def travel_of_turn(position: np.ndarray, velocity: np.ndarray, effort: np.ndarra
         columns = np.column_stack([plain, np.maximum(s, 0.0), np.minimum(s, 0.0)])[kept]
         return float(np.sum((effort[kept] - columns @ np.linalg.lstsq(columns, effort[kept], rcond=None)[0]) ** 2))
 
-    from scipy.optimize import minimize_scalar
-
     tried = np.geomspace(TRAVEL_SEARCH.min_travel_rad, TRAVEL_SEARCH.max_travel_rad, TRAVEL_SEARCH.candidate_count)
     best = int(np.argmin([left(x) for x in tried]))
     ends = np.log(tried[[max(best - 1, 0), min(best + 1, TRAVEL_SEARCH.candidate_count - 1)]])
-    return float(np.exp(minimize_scalar(lambda x: left(np.exp(x)), bounds=tuple(ends), method="bounded").x))
+    return float(np.exp(minimise_on_interval(lambda x: left(np.exp(x)), *ends)))
 
 
 def presliding_travel(recorded: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Parameter | None:

@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import optimize
 
 from ...._errors import IdentificationError, RecordingError
 from ....files.fault import Fault
@@ -22,6 +21,7 @@ from ....files.recording import Recording
 from ....models.estimates import Parameter, Verdict
 from ....numerics.posterior.ensemble import require_sampler
 from ....numerics.posterior.posterior import Posterior
+from ....numerics.searches.scalar_search import minimise_on_interval
 from ....study.answer import PAPER_STEP, Answer, AnswerNumber, Basis
 from ....study.procedures.posterior_beside import (
     pair_with_posterior,
@@ -309,4 +309,4 @@ def _search(error, fibre_length: float, elastic: bool) -> float:
     found = [error(offset, elastic) for offset in grid]
     best = int(np.argmin(found))
     around = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    return float(optimize.minimize_scalar(lambda x: error(x, elastic), bounds=around, method="bounded").x)
+    return minimise_on_interval(lambda x: error(x, elastic), *around)
