@@ -8,10 +8,10 @@ from scipy.linalg import expm
 
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.files.recording import Channel, Recording
-from pellucid.orthosis.linear_recursion import march
 from pellucid.models.joint import joint_model
 from pellucid.models.simulate import LoopSetting, simulate
 from pellucid.orthosis.input_output import InputOutput, input_output
+from pellucid.orthosis.linear_recursion import march
 from pellucid.orthosis.transfer.fit_transfer_function import (
     coefficient_units,
     evaluate_transfer_function,

@@ -26,6 +26,7 @@ import numpy as np
 from .._errors import IdentificationError
 from ..models.estimates import Parameter
 from .motion import require_fitted
+from .searches.bounded_least_squares import bounded_least_squares
 
 
 class FittedMotion(Protocol):
@@ -257,8 +258,6 @@ def _gauss_newton(
     Returns the values, (p,), the regressor, (m, p), and the effort, (m,), there, the number of evaluations, and whether
     the search converged.
     """
-    from scipy.optimize import least_squares
-
     # Parameters are scaled by the effort they make, so that tolerances mean the same in newtons, volts and amperes.
     size = float(np.linalg.norm(data.target * w))
     rows = regression_rows(model, start, data)
@@ -267,37 +266,21 @@ def _gauss_newton(
     scale = size / np.linalg.norm(first, axis=0)
     low, high = lower / scale, upper / scale
     inside = np.clip(start / scale, low + 1e-6, np.where(np.isfinite(high), high - 1e-6, high))
-    if not np.allclose(inside * scale, start, rtol=1e-15, atol=0.0):  # no more than rounding
-        rows = regression_rows(model, inside * scale, data)
-    # SciPy asks for residual and regressor in two calls, and for the regressor of accepted values alone.
-    asked = accepted = inside, rows
+    # The search evaluates its start first.
+    made = {start.tobytes(): rows}
 
-    def rows_at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        nonlocal asked
-        if not np.array_equal(x, asked[0]):
-            asked = x.copy(), regression_rows(model, x * scale, data)
-        return asked[1]
+    def equations(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        values = x * scale
+        if values.tobytes() not in made:
+            made[values.tobytes()] = regression_rows(model, values, data)
+        jacobian, effort = made[values.tobytes()]
+        residual = (effort - data.target) * w / size
+        slopes = jacobian * scale * (w / size)[:, None]
+        return 0.5 * float(residual @ residual), slopes.T @ residual, slopes.T @ slopes
 
-    def residual_at(x: np.ndarray) -> np.ndarray:
-        return (rows_at(x)[1] - data.target) * w / size
-
-    def regressor_at(x: np.ndarray) -> np.ndarray:
-        nonlocal accepted
-        accepted = x.copy(), rows_at(x)
-        return accepted[1][0] * scale * w[:, None] / size
-
-    found = least_squares(
-        residual_at,
-        inside,
-        jac=regressor_at,
-        bounds=(low, high),
-        xtol=1e-8,
-        ftol=1e-12,
-        gtol=1e-12,
-        max_nfev=most,
-    )
-    last = accepted[1] if np.array_equal(found.x, accepted[0]) else regression_rows(model, found.x * scale, data)
-    return found.x * scale, last, int(found.nfev), bool(found.success)
+    found = bounded_least_squares(equations, inside, low, high, iterations=most, tolerance=1e-14, damping=1e-6)
+    values = found.x * scale
+    return values, made[values.tobytes()], found.evaluations, found.converged
 
 
 def nearest_feasible(

@@ -28,6 +28,7 @@ from ...models.joint import JointModel
 from ...models.simulate import JointTrace
 from ...numerics.motion import Motion, differentiate, friction_signals
 from ...numerics.regression import Solution, Stack, linearise, remember_last_call, snap_to_bounds
+from ...numerics.searches.bounded_least_squares import bounded_least_squares
 from .friction_solver import values_without_blocks
 from .replay import Machine, is_bounded, replay
 
@@ -126,8 +127,6 @@ def solve_output_error(model: JointModel, data: Stack[Motion], machine: Machine,
 
     The response is the effort if the loop can be closed [N*m, N, A or V], otherwise the position [rad or m].
     """
-    from scipy.optimize import least_squares
-
     closed = all(machine.can_close(m) for m in data.motions)
     signal = "effort" if closed else "position"
     measured = [getattr(m, signal) for m in data.motions]
@@ -148,19 +147,27 @@ def solve_output_error(model: JointModel, data: Stack[Motion], machine: Machine,
 
     lower, upper = model.bounds()
     start = np.clip(first.values, lower + 1e-9, np.where(np.isfinite(upper), upper * (1.0 - 1e-9), upper))
-    if not np.any(at(start)[1]):
+    scale = np.linalg.norm(at(start)[1], axis=0)
+    if not scale.any():
         raise IdentificationError(
             "the simulated response diverges at the least-squares estimate, so that no fit to simulations can start "
             "there; use the least-squares estimate, or check the sign and unit of the effort"
         )
+    scale = 1.0 / np.where(scale > 0.0, scale, 1.0)
+
+    def equations(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        residual, jacobian = at(x * scale)
+        slopes = jacobian * scale
+        return 0.5 * float(residual @ residual), slopes.T @ residual, slopes.T @ slopes
+
     # Without inertia the response is so sensitive that squares of its derivative overflow: such steps are rejected.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        found = least_squares(
-            lambda v: at(v)[0], start, jac=lambda v: at(v)[1], bounds=(lower, upper), x_scale="jac", max_nfev=40,
-            xtol=1e-6,
-        )  # fmt: skip
-    residual, jacobian = at(found.x)
-    return _solution(model, found.x, jacobian, -residual, int(found.nfev), bool(found.success))
+        found = bounded_least_squares(
+            equations, start / scale, lower / scale, upper / scale, iterations=40, tolerance=1e-10, damping=1e-6
+        )
+    values = found.x * scale
+    residual, jacobian = at(values)
+    return _solution(model, values, jacobian, -residual, found.evaluations, found.converged)
 
 
 def _derivative(trace: JointTrace, signal: str) -> np.ndarray:

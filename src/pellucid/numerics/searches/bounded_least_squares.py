@@ -52,8 +52,13 @@ def bounded_least_squares(
     *,
     iterations: int = 60,
     tolerance: float = 1e-5,
+    damping: float = _FIRST_DAMPING,
 ) -> Descent:
-    """Minimise a sum of squares within bounds; `start`, `lower` and `upper` have shape (p,)."""
+    """Minimise a sum of squares within bounds; `start`, `lower` and `upper` have shape (p,).
+
+    The search ends where a step promises to reduce the cost by less than the share `tolerance`. `damping` is that of
+    the first step.
+    """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     if not np.all(lower <= upper):
         raise IdentificationError(f"found the bounds {lower} and {upper}, expected no lower one above its upper one")
@@ -61,12 +66,14 @@ def bounded_least_squares(
     cost, gradient, normal = equations(x)
     if not np.isfinite(cost):
         raise IdentificationError(f"found the cost {cost} at the start {x}, expected a finite number")
-    damping, rise, evaluations = _FIRST_DAMPING, 2.0, 1
+    rise, evaluations = 2.0, 1
     while evaluations < iterations:
         rests = ((x <= lower) & (gradient > 0.0)) | ((x >= upper) & (gradient < 0.0)) | (lower == upper)
         if rests.all():
             return Descent(x, cost, gradient, normal, evaluations)
         step = _step(gradient, normal, damping, lower - x, upper - x, ~rests)
+        if np.all(np.abs(step) <= np.finfo(float).eps * np.abs(x)):
+            return Descent(x, cost, gradient, normal, evaluations)
         promise = -float(gradient @ step) - 0.5 * float(step @ normal @ step)
         if promise <= tolerance * cost:
             # A heavily damped or shortened step predicts little decrease anywhere, so this is no sign of convergence.
