@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -45,8 +46,8 @@ def rows() -> Iterator[ResultRow]:
     with tempfile.TemporaryDirectory() as made:
         # A copy, so that neither the checkout's dist/ nor its build folder is touched.
         folder = Path(made, "dist")
-        subprocess.run([ROOT / "packaging" / "wheels.sh"], check=True, stdout=subprocess.DEVNULL,
-                       env={**os.environ, "WHEELS": str(folder)})  # fmt: skip
+        subprocess.run([ROOT / "packaging" / "wheels.sh", sys.executable], check=True, stdout=subprocess.DEVNULL,
+                       env={**os.environ, "WHEELS": str(folder), "MACHINES": platform.machine()})  # fmt: skip
         found = subprocess.run([sys.executable, ROOT / "packaging" / "bare_root.py", folder], text=True, check=False,
                                stdout=subprocess.PIPE)  # fmt: skip
         shutil.rmtree(folder)

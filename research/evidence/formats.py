@@ -2,7 +2,8 @@
 
 Studies are proposed for a lab's own files, and logs are audited; formats are read back as their own libraries wrote
 them; exports are read by the programs that they are for, and MuJoCo saves and reloads them; an exported servo is
-replayed in MuJoCo; wheels are installed where there is Python and nothing else.
+replayed in MuJoCo; wheels are installed where there is Python and nothing else,
+and one for another processor runs under emulation.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ PARTS = sized(
         "_mujoco_reloaded",
         "_mujoco_replay",
         "_installed_wheel",
+        "_emulated_wheel",
     ),
     smallest=("_init_layouts", "_audit_logs", "_read_back", "_exports_read", "_mujoco_reloaded"),
 )
