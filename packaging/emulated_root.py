@@ -16,6 +16,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from later_pythons import later_pythons
+
 CHECKOUT = Path(__file__).parents[1]
 
 EMULATOR = "/usr/bin/qemu-aarch64-static"
@@ -93,9 +95,9 @@ def main(folder: Path) -> dict[str, str | float]:
         uv = Path(sys.executable).with_name("uv")
         install = [uv, "pip", "install", "--quiet", "--python-platform", LIBC, "--python-version", PYTHON]
         subprocess.run([*install, "--only-binary", ":all:", "--target", packages, wheel, "pytest"], check=True)
-        same = subprocess.run([uv, "python", "find", "--system", PYTHON], capture_output=True, text=True)
-        if same.returncode == 0:  # the emulated one takes minutes to compile modules
-            subprocess.run([same.stdout.strip(), "-m", "compileall", "-q", packages], stdout=subprocess.DEVNULL)
+        for same in (each for each in later_pythons() if f"/{PYTHON}." in each or each.endswith(f"python{PYTHON}")):
+            # The emulated one takes minutes to compile modules.
+            subprocess.run([same, "-m", "compileall", "-q", packages], check=False, stdout=subprocess.DEVNULL)
         shutil.copytree(CHECKOUT / "tests", root / "checkout" / "tests", ignore=shutil.ignore_patterns("__pycache__"))
         shutil.copytree(CHECKOUT / "lab" / "src", root / "checkout" / "lab")  # tests share a study that the lab records
         shutil.copy2(CHECKOUT / "pyproject.toml", root / "checkout")

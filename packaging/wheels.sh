@@ -16,7 +16,7 @@ mkdir -p "$into"
 pythons=("$@")
 if [ $# = 0 ]; then
   pythons=(.venv/bin/python)
-  if later=$("$uv" python find --quiet --no-python-downloads --system ">=3.12"); then
+  if later=$(.venv/bin/python packaging/later_pythons.py); then
     pythons+=("$later")
   else
     echo "No wheel for Python 3.12 and later: found no such Python."

@@ -19,7 +19,7 @@ def rows() -> Iterator[ResultRow]:
     """Yield whether the wheel runs there. Where a tool is missing it does not run, and the note names the tool."""
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made, "dist")
-        search = [Path(sys.executable).with_name("uv"), "python", "find", "--no-python-downloads", "--system", ">=3.12"]
+        search = [sys.executable, ROOT / "packaging" / "later_pythons.py"]
         later = subprocess.run(search, text=True, check=False, capture_output=True)
         if later.returncode:
             used, failure = {}, "found no Python 3.12 or later to build with"

@@ -1,7 +1,7 @@
 """A wheel from a source distribution: how long its units take to compile, and that a later Python takes it."""
 
 import os
-import re
+import runpy
 import subprocess
 import sys
 import tarfile
@@ -43,16 +43,7 @@ assert abs(fit["inertia"].value - 0.05) < 0.005, fit
 """A joint is fitted by the module with the stable ABI."""
 
 
-def later_pythons() -> list[str]:
-    """Return the Pythons from 3.12 on at hand, the oldest first; .ci/run takes the newest of them."""
-    root = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"))
-    found = [*root.glob("versions/3.*/bin/python3"), *Path("/usr/bin").glob("python3.*")]
-    versions = {}
-    for path in found:
-        named = re.search(r"3\.(\d+)(?:\.\d+/bin/python3)?$", str(path))
-        if named and int(named[1]) >= 12:
-            versions.setdefault(int(named[1]), str(path))
-    return [versions[minor] for minor in sorted(versions)]
+later_pythons = runpy.run_path(str(ROOT / "packaging" / "later_pythons.py"))["later_pythons"]
 
 
 def run(*command: object, **settings: object) -> str:
