@@ -96,5 +96,6 @@ LAB_DISTRIBUTION = "pellucid-lab"
 def missing_lab(part: str) -> MissingDistributionError:
     """Return the error that `part` needs the distribution `pellucid-lab`, with the command that installs it."""
     return MissingDistributionError(
-        f"{part}: found no package {LAB_DISTRIBUTION}, expected it: in the clone of Pellucid, pip install ./lab"
+        f"{part}: found no package {LAB_DISTRIBUTION}, expected it: pip install ./lab in the clone, "
+        "or the wheel pellucid_lab-*.whl of the same version"
     )

@@ -344,7 +344,7 @@ def test_the_base_alone_says_how_to_get_the_lab(tmp_path):
     assert done.returncode == 0, done.stderr
     told = [line for line in (done.stdout + done.stderr).splitlines() if "pellucid-lab" in line]
     assert len(told) == 6, done.stdout + done.stderr
-    assert all("pip install ./lab" in line for line in told)
+    assert all("pip install ./lab" in line and "pellucid_lab-*.whl" in line for line in told)
     for line in ("demo 2", "init 2", "--help 0", "version 0"):
         assert line in done.stdout
     assert "simulate" not in done.stdout.partition("Commands:")[2]
