@@ -136,13 +136,15 @@ def exchanged_recordings(emg: Sequence[np.ndarray], rate: float) -> list[Exchang
 
     The first recording is the reference, unless most of the others differ from it.
     """
+    if len(emg) < 2:
+        return []
     places = [electrode_places(x, rate) for x in emg]
 
     def differing(reference: int) -> list[ExchangedRecording]:
         others = [(k, exchanged_pairs(own, places[reference])) for k, own in enumerate(places) if k != reference]
         return [ExchangedRecording(k, reference, tuple(pairs)) for k, pairs in others if pairs]
 
-    found = differing(0) if len(emg) > 1 else []
+    found = differing(0)
     if len(found) > 1 and 2 * len(found) >= len(emg) - 1:
         others = differing(found[0].place)
         if len(others) < len(found):
