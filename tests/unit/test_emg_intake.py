@@ -63,6 +63,12 @@ def proposed_channels(path):
         ("RVL", "vastus_lateralis_right"),
         ("RT UPPER TRAP., uV", "trapezius_upper_right"),
         ("VL - electrode 1 [uV]", "vastus_lateralis"),
+        ("R Gastrocnemius Medial Head: EMG 4 [V]", "gastrocnemius_medialis_right"),
+        ("EMG RectFemL", "rectus_femoris_left"),
+        ("RT MED. HAM., uV", "semitendinosus_right"),
+        ("Left Hamstrings [mV]", "hamstrings_left"),
+        ("Gastrocnemio laterale dx [uV]", "gastrocnemius_lateralis_right"),
+        ("Tibiale anteriore sx [uV]", "tibialis_anterior_left"),
     ],
 )
 def test_labels_of_vendors_name_muscle_and_side(label, muscle):

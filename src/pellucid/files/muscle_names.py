@@ -10,29 +10,38 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 MUSCLE_NAMES = {
-    "rectus_femoris": ("rectusfemoris", "rectfem", "recfem", "rf", "rectofemoral", "rectus", "rfem", "rfm"),
-    "vastus_lateralis": ("vastuslateralis", "vaslat", "vastlat", "vl", "vastolateral", "vlo", "vlat"),
-    "vastus_medialis": ("vastusmedialis", "vasmed", "vastmed", "vm", "vastomedial", "vmo", "vmed"),
+    "rectus_femoris": ("rectusfemoris", "rectfem", "recfem", "rf", "rectofemoral", "rectus", "rfem", "rfm",
+                       "rettofemorale", "droitfémoral", "droitfemoral"),
+    "vastus_lateralis": ("vastuslateralis", "vaslat", "vastlat", "vl", "vastolateral", "vlo", "vlat",
+                         "vastolaterale", "vastelatéral", "vastelateral"),
+    "vastus_medialis": ("vastusmedialis", "vasmed", "vastmed", "vm", "vastomedial", "vmo", "vmed",
+                        "vastomediale", "vastemédial", "vastemedial"),
     "vastus_intermedius": ("vastusintermedius", "vasint"),
-    "biceps_femoris": ("bicepsfemoris", "bf", "bicepsf", "bfem", "hamstringslateral", "lateralhamstrings", "lham"),
+    "biceps_femoris": ("bicepsfemoris", "bf", "bicepsf", "bfem", "hamstringslateral", "lateralhamstrings", "lham",
+                       "latham", "bicipitefemorale", "bicepsfemoral"),
     "biceps_femoris_long": ("bifemlh", "bicfemlong", "bflh", "bicfem"),
     "biceps_femoris_short": ("bifemsh", "bfsh"),
-    "semitendinosus": ("semitendinosus", "semiten", "st", "semitend", "semitendinoso", "sten", "mham"),
+    "semitendinosus": ("semitendinosus", "semiten", "st", "semitend", "semitendinoso", "sten", "mham",
+                       "medham", "medialhamstrings", "hamstringsmedial"),
     "semimembranosus": ("semimembranosus", "semimem", "semimemb", "sm", "smem"),
-    "tibialis_anterior": ("tibialisanterior", "tibant", "ta", "antertibialis", "tibialanterior", "tibialis"),
+    "tibialis_anterior": ("tibialisanterior", "tibant", "ta", "antertibialis", "tibialanterior", "tibialis",
+                          "tibialeanteriore", "jambierantérieur", "jambieranterieur"),
     "tibialis_posterior": ("tibialisposterior", "tibpost", "tp"),
     "soleus": ("soleus", "sol", "so", "soléaire", "soleo"),
     "gastrocnemius_medialis": (
         "gastrocnemiusmedialis", "medgas", "gasmed", "gm", "mg", "gastmed", "medgast", "gam", "medialgastrocnemius",
-        "gmed_gastroc", "gasm", "mgas", "medgastroc", "gastrocmed",
+        "gmed_gastroc", "gasm", "mgas", "medgastroc", "gastrocmed", "gastrocnemiusmedial", "gastrocnemiomediale",
+        "gemelointerno",
     ),
     "gastrocnemius_lateralis": (
         "gastrocnemiuslateralis", "latgas", "gaslat", "gl", "lg", "gastlat", "latgast", "gal", "lateralgastrocnemius",
-        "gasl", "lgas", "latgastroc", "gastroclat",
+        "gasl", "lgas", "latgastroc", "gastroclat", "gastrocnemiuslateral", "gastrocnemiolaterale", "gemeloexterno",
     ),
     "gastrocnemius": ("gastrocnemius", "gastroc", "gas", "gastrocs", "ga"),
     "peroneus_longus": ("peroneuslongus", "perlong", "pl", "fibularislongus", "perl", "peroneus"),
     "peroneus_brevis": ("peroneusbrevis", "perbrev", "fibularisbrevis"),
+    "hamstrings": ("hamstrings", "hamstring", "hams", "ham"),
+    "quadriceps": ("quadriceps", "quads", "quad"),
     "gluteus_maximus": ("gluteusmaximus", "glutmax", "gmax", "glmax"),
     "gluteus_medius": ("gluteusmedius", "glutmed", "gmed", "glmed"),
     "gluteus_minimus": ("gluteusminimus", "glmin"),
@@ -53,7 +62,7 @@ MUSCLE_NAMES = {
     "supinator": ("supinator",),
     "flexor_carpi_radialis": ("flexorcarpiradialis", "fcr", "flexcarprad"),
     "flexor_carpi_ulnaris": ("flexorcarpiulnaris", "fcu", "flexcarpuln"),
-    "extensor_carpi_radialis": ("extensorcarpiradialis", "ecr", "extcarprad"),
+    "extensor_carpi_radialis": ("extensorcarpiradialis", "ecr", "ecrl", "extcarprad"),
     "extensor_carpi_ulnaris": ("extensorcarpiulnaris", "ecu", "extcarpuln"),
     "flexor_digitorum": ("flexordigitorum", "fds", "flexordigitorumsuperficialis", "flexdig"),
     "extensor_digitorum": ("extensordigitorum", "edc", "extensordigitorumcommunis", "extdig"),
@@ -122,7 +131,8 @@ _PARTNERS = {"gastrocnemius_medialis": ("gastrocnemius_lateralis", "gastrocnemiu
 """Muscles whose labels next to an abbreviation show that it is this muscle's."""
 
 _REGION_WORDS = {
-    "leg": ("femoris", "vastus", "semi", "tibialis", "soleus", "gastrocnemius", "peroneus", "gluteus", "adductor",
+    "leg": ("femoris", "vastus", "hamstrings", "quadriceps", "semi", "tibialis", "soleus", "gastrocnemius", "peroneus",
+            "gluteus", "adductor",
             "gracilis", "sartorius", "iliopsoas", "tensor", "surae", "digitorum_longus"),
     "trunk": ("abdominis", "oblique", "multifidus", "iliocostalis", "longissimus", "spinae", "latissimus", "trapezius",
               "serratus", "sternocleido", "pectoralis", "infraspinatus"),
@@ -150,7 +160,7 @@ class MuscleLabel:
         return f"{self.muscle}_{self.side}" if self.side else self.muscle
 
 
-_DOUBTFUL_LETTERS = frozenset({"pl", "tp", "ad", "ra", "ga", "ut"})
+_DOUBTFUL_LETTERS = frozenset({"pl", "tp", "ad", "ra", "ga", "ut", "ham", "quad"})
 """Abbreviations that name a muscle only with a side or a word for EMG: other channels have these letters too."""
 
 _DOUBTFUL_AFTER_SIDE = frozenset({"st", "so", "sm", "es"})
@@ -171,7 +181,10 @@ def find_muscle(words: Sequence[str], *, is_emg: bool = False) -> MuscleLabel | 
     'biceps_femoris'
     """
     side = _side(words)
-    own = [w for w in words if w not in _FILLERS and not w.isdigit() and not (side and w in SIDE_WORDS[side])]
+    named = [w for w in words if not w.isdigit() and not (side and w in SIDE_WORDS[side])]
+    # "rect" shortens rectified, and rectus too.
+    with_rect = [w for w in named if w == "rect" or w not in _FILLERS]
+    own = with_rect if "".join(with_rect) in _BY_WAY else [w for w in with_rect if w != "rect"]
     joined = "".join(own)
     is_emg = is_emg or bool(side) or bool({"emg", "semg", "hdemg", "uv"} & set(words))
     muscle = _BY_WAY.get(joined)
