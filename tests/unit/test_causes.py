@@ -75,6 +75,29 @@ def test_an_effort_of_another_shape_than_a_springs_is_none():
     assert "parallel_spring" not in found(noisy(effort(q, v, a) + 0.05 * q**2))
 
 
+@pytest.mark.parametrize(("size", "twist"), [(0.5, 100.0), (0.8, 100.0), (0.8, 40.0), (1.2, 40.0)])
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_transmission_that_twists_is_no_clear_spring(size, twist, seed):
+    """The encoder is on the motor's side: the load turns the body by load / stiffness, and gravity acts there."""
+    t, q, v, a = motion(seed, size)
+    load = INERTIA * a + GRAVITY * np.sin(q)
+    turned = load / twist
+    u = effort(q, v, a) - INERTIA * np.gradient(np.gradient(turned, t), t) - GRAVITY * np.cos(q) * turned
+    joint = fit(t, q, noisy(u))
+    springs = [cause for cause in joint.causes if cause.name == "parallel_spring"]
+    assert all(spring.may_twist for spring in springs)
+    low, high = joint["gravity"].interval(0.95)
+    assert springs or low <= GRAVITY <= high
+
+
+@pytest.mark.parametrize(("size", "may_twist"), [(0.5, True), (1.2, False)])
+def test_a_spring_over_a_small_range_may_be_a_transmission_that_twists(size, may_twist):
+    t, q, v, a = motion(3, size)
+    (cause,) = fit(t, q, noisy(effort(q, v, a) + STIFFNESS * (q - 0.2))).causes
+    assert (cause.name, cause.may_twist) == ("parallel_spring", may_twist)
+    assert cause_sentence(cause).endswith(", or a transmission that twists?") == may_twist
+
+
 def test_parts_that_rattle_across_a_gap_are_backlash():
     """Each turn of the load rattles with a phase of its own: no column predicts it."""
     t, q, v, a = motion()

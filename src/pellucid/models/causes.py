@@ -32,6 +32,8 @@ class Cause:
         Half the confidence interval of the size; NaN where the size is a rough one.
     joint : str
         Name of the joint of a robot of several joints; empty otherwise.
+    may_twist : bool
+        Whether a transmission that twists would explain as much as this parallel spring.
     """
 
     name: str
@@ -40,3 +42,4 @@ class Cause:
     share: float
     half_width: float = float("nan")
     joint: str = ""
+    may_twist: bool = False

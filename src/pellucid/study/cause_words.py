@@ -59,7 +59,7 @@ def cause_sentence(cause: Cause) -> str:
     does = f"explains {share} % of the residual" if np.isfinite(cause.share) else "is in the data"
     subject = _subject(cause, words).format(size.rstrip())
     subject = f"At {cause.joint}, {subject[0].lower()}{subject[1:]}" if cause.joint else subject
-    return f"{subject} {does}: {words.example}?"
+    return f"{subject} {does}: {words.example}{', or a transmission that twists' if cause.may_twist else ''}?"
 
 
 def _size_text(size: float, half_width: float) -> str:

@@ -41,7 +41,7 @@ from ...models.joint import PARALLEL_STIFFNESS, SYMBOLS_BY_NAME, JointModel
 from ...numerics.block_test import MIN_IMPROVEMENT, SIGNIFICANCE_LEVEL
 from ...numerics.motion import Motion
 from ...numerics.regression import Stack
-from .discrepancy import COMMON_LOAD_COEFFICIENT, NEGLECTED_EFFECTS
+from .discrepancy import COMMON_LOAD_COEFFICIENT, NEGLECTED_EFFECTS, TWISTED_ANGLE
 from .friction_solver import solve_family
 from .joint_estimate import joint_states
 from .left_out_stretches import TRAVEL_EFFECTS, LeftOutColumns, LeftOutStretches
@@ -87,6 +87,7 @@ class ParallelSpring:
 
     is_found: bool = False
     share: float = 0.0  # share of the residual's variance there that it explains
+    may_twist: bool = False  # whether a transmission that twists would explain as much
 
 
 def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpring:
@@ -133,7 +134,18 @@ def decide_parallel_spring(
         return ParallelSpring()
     if not is_told and not _needs_spring(stretches, position, [*turning, *gap]):
         return ParallelSpring()
-    return ParallelSpring(True, min(alone * stretches.own_error / reported, 1.0))
+    twist = [NEGLECTED_EFFECTS[TWISTED_ANGLE](stretches.states)]
+    may_twist = False
+    # The load turns the body against an encoder on the motor's side, and so lessens the weight that is felt there.
+    if twist[0].any() and stretches.coefficients(twist)[0] < 0.0:
+        (spring_adds, _), (twist_adds, p_value) = (
+            stretches.saved_beyond(*pair) for pair in ((position, twist), (twist, position))
+        )
+        least = SPRING_SETTINGS.min_saved_share
+        if twist_adds >= max(least, spring_adds) and p_value <= SIGNIFICANCE_LEVEL:
+            return ParallelSpring()
+        may_twist = spring_adds < least
+    return ParallelSpring(True, min(alone * stretches.own_error / reported, 1.0), may_twist)
 
 
 def _needs_spring(stretches: LeftOutColumns, position: Sequence[np.ndarray], few: Sequence[np.ndarray]) -> bool:

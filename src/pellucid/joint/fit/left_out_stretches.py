@@ -124,6 +124,13 @@ class LeftOutColumns:
         wide = np.column_stack([self._own, self._made(columns)])
         return max(_compare(self._left_out(self._own, self._target), self._left_out(wide, self._target))[0], 0.0)
 
+    def saved_beyond(self, columns: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> tuple[float, float]:
+        """Return the share of the squared error of the extended model and `others` that columns save, and its p
+        value."""
+        plain = np.column_stack([self._own, self._beside, self._made(others)])
+        wide = np.column_stack([plain, self._made(columns)])
+        return _compare(self._left_out(plain, self._target), self._left_out(wide, self._target))
+
     def saved_beside(self, columns: Sequence[np.ndarray], beside: Sequence[np.ndarray]) -> tuple[float, float]:
         """Return the share of the squared error of the model and a few columns that others save, and its p value."""
         plain = np.column_stack([self._own, self._made(beside)])

@@ -39,7 +39,8 @@ def causes_of(study: Study, fit: FamilyFit, data: Stack[Motion], spring: Paralle
         stiffness = fit.headline.estimate[PARALLEL_STIFFNESS]
         low, high = stiffness.interval(fit.headline.estimate.confidence)
         half = 0.5 * (high - low) if stiffness.standard_error > 0.0 else float("nan")
-        found.append(Cause(PARALLEL_SPRING, float(stiffness.value), stiffness.unit, spring.share, half))
+        size, unit = float(stiffness.value), stiffness.unit
+        found.append(Cause(PARALLEL_SPRING, size, unit, spring.share, half, may_twist=spring.may_twist))
     known = {cause.name for cause in found}
     if SATURATION not in known:
         found += _cut_saturation(study, estimate)
