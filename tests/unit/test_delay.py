@@ -12,6 +12,7 @@ from pellucid.files.cut import Cut
 from pellucid.files.delay import interpolate_at, shift_channels, undo_lags
 from pellucid.files.recording import Channel, Recording
 from pellucid.joint.study.aligned_motions import aligned_motions, find_alignments
+from pellucid.numerics.delay import DelayFit, combine_models
 from pellucid.start.log_proposal import propose
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, identify
@@ -211,3 +212,12 @@ def test_an_effort_that_is_held_between_samples_is_half_a_period_late(tmp_path):
     (verdict,) = [v for v in fit.verdicts if v.finding == "late_drive"]
     assert verdict.kind == "note"
     assert "backlash" not in [cause.name for cause in fit.causes]
+
+
+@pytest.mark.parametrize(("richest", "expected"), [(0.98, 4e-3), (0.80, 5e-3)])
+def test_a_delay_is_that_of_a_model_that_explains_the_effort_about_as_well(richest, expected):
+    """What a plain model takes for a delay of its own is friction that it lacks, if a richer one explains far more."""
+    fits = [DelayFit(4e-3, 1e-4, np.zeros(1), 3.0, 1.0), DelayFit(5e-3, 1e-4, np.zeros(1), 3.0, richest)]
+    found = combine_models(fits, 2.0, 2e-3)
+    assert found.value == expected
+    assert found.low < 4e-3 < 5e-3 < found.high

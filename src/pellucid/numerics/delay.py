@@ -7,7 +7,8 @@ r"""Estimate the time delay between effort and motion: the shift with the smalle
 Gauss-Newton steps solve this for d. They use the slope of the modelled effort, because noise in the measured slope
 would bias the estimate towards zero [1]_. The friction model influences the estimate: a friction sign that changes late
 looks like a late effort. The delay is therefore estimated with several models, each richer than the last. The value is
-that of the simplest model that agrees with the richest, and the confidence interval covers those of all good models.
+that of the simplest model that agrees with the richest and explains the effort about as well. The confidence
+interval covers those of all good models.
 
 .. [1] T. Soderstrom, P. Stoica, "Instrumental variable methods for system identification", 1983.
 """
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .block_test import MIN_IMPROVEMENT
 from .uncertainty import long_run_covariance
 
 
@@ -197,12 +199,13 @@ def fit_delay(rows: Sequence[DrivenRows], model: Sequence[Columns], start: float
 def combine_models(fits: Sequence[DelayFit], quantile: float, step: float) -> Delay:
     """Combine the estimates of several models, the simplest first, into one delay with an interval.
 
-    The value is that of the simplest model that agrees with the richest within a sampling period `step` [s], because
-    it confuses friction with a delay the least. The interval covers every model that agrees or fits about as well, each
+    The value is that of the simplest model that agrees with the richest within a sampling period `step` [s], and whose
+    error the richest improves by at most `MIN_IMPROVEMENT`: it confuses friction with a delay the least. The interval covers every model that agrees or fits about as well, each
     with `quantile` standard errors. Half a period is added at either end: the drive may be read at any time within it.
     """
     last = fits[-1]
-    first = next(f for f in fits if abs(f.delay - last.delay) <= step)
+    most = last.after / (1.0 - MIN_IMPROVEMENT) ** 2
+    first = next((f for f in fits if abs(f.delay - last.delay) <= step and f.after <= most), last)
     good = [
         f
         for f in fits
