@@ -200,8 +200,9 @@ def combine_models(fits: Sequence[DelayFit], quantile: float, step: float) -> De
     """Combine the estimates of several models, the simplest first, into one delay with an interval.
 
     The value is that of the simplest model that agrees with the richest within a sampling period `step` [s], and whose
-    error the richest improves by at most `MIN_IMPROVEMENT`: it confuses friction with a delay the least. The interval covers every model that agrees or fits about as well, each
-    with `quantile` standard errors. Half a period is added at either end: the drive may be read at any time within it.
+    error the richest improves by at most `MIN_IMPROVEMENT`: it confuses friction with a delay the least. The interval
+    covers every model that agrees or fits about as well, each with `quantile` standard errors. Half a period is added
+    at either end: the drive may be read at any time within it.
     """
     last = fits[-1]
     most = last.after / (1.0 - MIN_IMPROVEMENT) ** 2
