@@ -98,7 +98,9 @@ def test_a_label_of_several_muscles_is_settled_by_the_others_or_asked_for(tmp_pa
     path = written(tmp_path / "walk.csv", ["time_s", *(f"{label}_mV" for label in labels)], [t, *(1e3 * x.T)])
     proposal = propose_study(read_given([path]), "s")
     column = f"{labels[1]}_mV"
-    assert next(r.label for r in proposal.main.channels if r.column == column) == muscle
+    role = next(r for r in proposal.main.channels if r.column == column)
+    assert role.label == muscle
+    assert f"confidence of {0.3 if is_asked else 0.5}" in role.why
     assert ("muscles" in {q.key for q in proposal.asked}) == is_asked
     if is_asked:
         said = {"muscles": f"{column} = gluteus medius"}

@@ -862,7 +862,15 @@ def _with_settled_muscles(layouts: Sequence[Layout]) -> tuple[list[Layout], dict
     settled = settle_muscles(own)
     moved = {column: label for column, label in settled.items() if label.name != own[column].name}
     doubtful = {column: label for column, label in settled.items() if label.confidence < MIN_SURE_CONFIDENCE}
-    return [_with_muscles(layout, moved) for layout in layouts], doubtful
+
+    def with_confidence(role: ColumnRole) -> ColumnRole:
+        label = settled.get(role.column)
+        if label is None or role.quantity != "emg" or label.confidence >= 1.0:
+            return role
+        return replace(role, why=f"{role.why}; muscle by its label, with a confidence of {label.confidence:g}")
+
+    named = (_with_muscles(layout, moved) for layout in layouts)
+    return [layout.with_each(with_confidence) for layout in named], doubtful
 
 
 def _with_muscles(layout: Layout, labels: Mapping[str, MuscleLabel]) -> Layout:
