@@ -126,10 +126,10 @@ def decide_parallel_spring(
     saved, p_value = stretches.saved(position)
     alone = stretches.share(position)
     least = SPRING_SETTINGS.min_saved_share if has_gravity else 1.0 - (1.0 - MIN_IMPROVEMENT) ** 2
-    # Hoses, cables and skin pull to their middle. A spring that pushes from it balances gravity, and is strong.
-    if stretches.coefficients(position)[0] < 0.0:
-        least = max(least, SPRING_SETTINGS.min_needed_share)
     is_told = min(saved, alone) >= least and p_value <= SIGNIFICANCE_LEVEL
+    # Hoses, cables and skin pull to their middle. A spring that pushes from it balances gravity, and is strong.
+    if is_told and min(saved, alone) < SPRING_SETTINGS.min_needed_share:
+        is_told = bool(stretches.coefficients(position)[0] > 0.0)
     if alone * stretches.own_error < min_effort_share**2 * float(np.mean(stretches.measured**2)):
         return ParallelSpring()
     if not is_told and not _needs_spring(stretches, position, [*turning, *gap]):
