@@ -1,6 +1,8 @@
 """A law of several joints as C compiles without a warning, and answers bit by bit as recorded on a Cortex-M4F too."""
 
 import shutil
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from test_tree_laws import PERIOD, M, arm
 from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.controllers import tree_laws
+from pellucid.controllers.export import controller_exporter
 from pellucid.controllers.export import controller_values as tree_values
 from pellucid.controllers.export.c_folder import check_on_host
 from pellucid.controllers.export.controller_values import TreeValues, notes_of
@@ -138,3 +141,18 @@ def test_a_makefile_that_make_would_obey_is_refused(values, tmp_path):
     (tmp_path / "GNUmakefile").write_text("all:\n")
     with pytest.raises(PellucidError, match="GNUmakefile"):
         write_tree_folder("arm", values, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("measured", "said"),
+    [
+        ((True, True), "compares the measured effort of each drive with its command"),
+        ((True, False), "The drives of elbow are not measured"),
+        ((False, False), "No drive is measured"),
+    ],
+)
+def test_an_exported_robot_says_which_drives_are_watched(measured, said, monkeypatch):
+    joints = [SimpleNamespace(joint=name, drive=own) for name, own in zip(("shoulder", "elbow"), measured, strict=True)]
+    monkeypatch.setattr(controller_exporter, "rig_instruments", lambda joint: joint)
+    request = SimpleNamespace(study=SimpleNamespace(rig=SimpleNamespace(joints=joints)))
+    assert said in controller_exporter.ArmExporter().describe(request, Path("controller"))

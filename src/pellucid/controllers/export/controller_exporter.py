@@ -239,7 +239,7 @@ class ArmExporter(ControllerExporter):
     def describe(self, request: ExportRequest, place: Path) -> str:
         """Return of which drives the supervisor compares effort and command."""
         joints = request.study.rig.joints
-        lacking = [joint.name for joint in joints if not rig_instruments(joint).drive]
+        lacking = [joint.joint for joint in joints if not rig_instruments(joint).drive]
         said = f"The supervisor watches {len(joints)} joints"
         if not lacking:
             return f"{said}, and compares the measured effort of each drive with its command"

@@ -29,8 +29,9 @@ def export_answer(
     owner = (read_owner(place) if place.is_dir() else read_unit_owner(place)) or {}
     cards = [name for name in owner.get("cards", "").split(", ") if name]
     if cards:
-        origin = {"is_simulated": study.config.simulated, "is_worn": study.config.worn}
-        answer = replace(answer, basis=Basis(len(cards), len(cards), "model card", **origin))
+        count, config = len(cards), study.config
+        basis = Basis(count, count, "model card", is_simulated=config.simulated, is_worn=config.worn)
+        answer = replace(answer, basis=basis)
     answer = with_assumed(answer, assumptions_of(study))
     if measured is not None:
         head = f"{study.name}.export.m4"
