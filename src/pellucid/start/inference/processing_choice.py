@@ -37,9 +37,10 @@ class ProcessingLimits:
     # A spectrum is computed between long losses only if one stretch has so many samples.
     min_spectrum_samples: int = 64
     # Share of the samples that has to lie between unbridged losses far enough apart for a regression. The low-pass
-    # is lowered, so that longer losses are bridged, until it is reached. Chosen by judgement.
+    # is lowered, so that longer losses are bridged, and less is thinned, until it is reached. Chosen by judgement.
     min_kept_share: float = 0.8
-    # Above this share of missing samples a recording has other faults than losses. Chosen by judgement.
+    # Above this share of missing samples, or of samples between losses that are too close for a regression, a
+    # recording has other faults than losses. Chosen by judgement.
     max_missing_share: float = 0.5
     # The allowed share exceeds what is missing by this share, for losses are not spread evenly.
     cut_share_margin: float = 0.1
@@ -176,9 +177,9 @@ def cut_missing(choice: ProcessingChoice, tables: Sequence[np.ndarray], rate: fl
     if not Processing.model_fields["cut_share"].default < share <= limits.max_missing_share:
         return choice
     thinned = next(
-        (k for k in range(choice.decimate, 0, -1) if _sound_share(tables, choice, k) >= limits.min_kept_share), None
+        (k for k in range(choice.decimate, 1, -1) if _sound_share(tables, choice, k) >= limits.min_kept_share), 1
     )
-    if thinned is None:
+    if _sound_share(tables, choice, thinned) < 1.0 - limits.max_missing_share:
         return choice
     return replace(choice, decimate=thinned, cut_share=round(share + limits.cut_share_margin, 1))
 
