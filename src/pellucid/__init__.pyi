@@ -19,8 +19,8 @@ from .emg.models.muscle import Muscle as Muscle
 from .emg.signals.electromechanical_delay import electromechanical_delay as electromechanical_delay
 from .emg.signals.electromechanical_delay import median_frequency_trend as median_frequency_trend
 from .emg.signals.emg_chain import envelope as envelope
-from .emg.signals.emg_chain import maximal_envelope as maximal_envelope
 from .emg.signals.emg_findings import emg_quality as emg_quality
+from .emg.signals.emg_scale import maximal_envelope as maximal_envelope
 from .emg.signals.repetitions import stride_ensemble as stride_ensemble
 from .files.raw_emg import RawEmg as RawEmg
 from .files.readers import read as read

@@ -14,13 +14,10 @@ What a chain guarantees:
 Delay of a causal EMG chain, computed from its filters' coefficients.
 
 EMG over an array to envelopes, by one of the published chains.
-
-Scale of envelopes from raw EMG of maximal contractions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +27,6 @@ from scipy import signal
 from ... import _core
 from ..._errors import RecordingError
 from ...numerics.arguments import with_checked_arguments
-from .emg_findings import without_short_peaks
 
 
 @dataclass(frozen=True)
@@ -551,89 +547,3 @@ def envelope(
                 raise
             raise RecordingError(f"muscle {i} (column): {error}") from None
     return np.stack(made, axis=-1).reshape(x.shape)
-
-
-MAX_CONTRACTION_COUNT = 100
-"""More contractions than this are samples that were meant as one array."""
-
-
-@with_checked_arguments
-def maximal_envelope(
-    contractions: Sequence[ArrayLike], *, rate: float, chain: str | EmgChain = "able", level: float | None = None
-) -> np.ndarray | float | tuple[np.ndarray | float, np.ndarray | float, np.ndarray | float]:
-    """Return the largest envelope of maximal voluntary contractions (MVC), by which `envelope` normalises.
-
-    Parameters
-    ----------
-    contractions : sequence of array_like, each of shape (n,) or (n, muscles)
-        Raw EMG of each contraction [V]; their lengths may differ. A muscle's largest value may be in any of them.
-        Short peaks far above all other samples are excluded as artefacts.
-    rate : float
-        Sampling rate [Hz].
-    chain : str or EmgChain
-        Chain of the envelopes that are to be relative; as in `envelope`.
-    level : float, optional
-        Probability of an interval, in (0, 1), in which repetitions of the same contractions have their largest
-        envelope. With it, the ends of the interval are returned too.
-
-    Returns
-    -------
-    ndarray of shape (muscles,), or float
-        Largest envelope of each muscle [V]; a number for contractions of shape (n,). With `level`: a tuple of it, of
-        the lower and of the upper end of its interval.
-
-    Raises
-    ------
-    RecordingError
-        If there is no contraction, their numbers of muscles differ, the chain does not make envelopes relative, or
-        `envelope` refuses one.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import pellucid as pl
-    >>> rng = np.random.default_rng(0)
-    >>> mvc, task = (1e-4 * effort * rng.standard_normal(8000) for effort in (1.0, 0.4))
-    >>> top = pl.maximal_envelope([mvc], rate=2000.0, chain="hill")
-    >>> relative = pl.envelope(task, rate=2000.0, chain="hill", maximum=top)
-    >>> bool(0.25 < np.median(relative) < 0.45)
-    True
-    """
-    count = len(contractions)
-    if not 0 < count <= MAX_CONTRACTION_COUNT or np.ndim(contractions[0]) == 0:
-        raise RecordingError(
-            f"maximal_envelope: found {count} contractions, expected a list of 1 to {MAX_CONTRACTION_COUNT} arrays, "
-            "one for each contraction"
-        )
-    asked = emg_chain(chain) if isinstance(chain, str) else chain
-    if not any(stage.kind == "normalise" for stage in asked.stages):
-        raise RecordingError(
-            f"maximal_envelope: found the chain {asked.name}, expected one whose envelopes are relative, such as hill"
-        )
-    if level is not None and not 0.0 < level < 1.0:
-        raise RecordingError(f"maximal_envelope: found level = {level:g}, expected a probability in (0, 1)")
-    tops, sounds = [], []
-    for i, contraction in enumerate(contractions):
-        try:
-            # Over a maximum of 1 V a relative envelope is one in V. A short artefact is no muscle's maximum.
-            x = np.asarray(contraction, dtype=np.float64)
-            sound = np.apply_along_axis(without_short_peaks, 0, x, rate) if x.ndim in (1, 2) and x.size else x
-            tops.append(envelope(sound, rate=rate, chain=asked, maximum=1.0).max(axis=0))
-            sounds.append(sound.reshape(len(sound), -1))
-        except RecordingError as error:
-            raise RecordingError(f"maximal_envelope, contraction {i}: {error}") from None
-    shapes = sorted({top.shape for top in tops})
-    if len(shapes) > 1:
-        raise RecordingError(
-            f"maximal_envelope: found contractions of {' and '.join(str(s[0] if s else 1) for s in shapes)} muscles, "
-            "expected the same muscles in each"
-        )
-    top = np.max(tops, axis=0)
-    made = float(top) if top.ndim == 0 else top
-    if level is None:
-        return made
-    from .emg_scale import scale_interval
-
-    ends = [scale_interval([x[:, k] for x in sounds], rate, asked, level) for k in range(sounds[0].shape[1])]
-    low, high = (made * (share[0] if np.ndim(made) == 0 else np.array(share)) for share in zip(*ends, strict=True))
-    return made, low, high
