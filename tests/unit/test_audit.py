@@ -125,6 +125,15 @@ def test_a_log_without_time_asks_for_its_rate(tmp_path):
     assert pl.audit(path, rate=RATE).is_sound
 
 
+def test_a_log_of_motion_alone_is_not_followed_by_a_study(tmp_path):
+    """The next command, `init`, ended with status 1."""
+    columns = {name: column for name, column in clean_log().items() if name in ("time [s]", "angle [rad]")}
+    assert len(columns) == 2
+    answer = pl.audit(written(tmp_path, columns)).answer
+    assert (answer.verdict, answer.next_command) == ("yes", "")
+    assert "Record an effort" in answer.following[0]
+
+
 def test_personal_fields_are_named_and_not_repeated(tmp_path):
     path = written(tmp_path, clean_log(), head="Patient Name,Jane Q. Doe\n")
     found = pl.audit(path)

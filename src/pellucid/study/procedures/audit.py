@@ -15,6 +15,7 @@ from ..._given import visible_text
 from ..._printed_command import printed_command
 from ...files.defects import garbage
 from ...files.log import ALARM_LEVEL, NOTE_LEVEL, VERDICT_WORDS, Log, LogFinding, inspect_log, log_of
+from ...files.quantity import EFFORT_QUANTITIES
 from ...files.readers.read import read_columns, readers_by_ending
 from ...numerics.arguments import with_checked_arguments
 from ..answer import Answer, AnswerPart, Basis, Step
@@ -171,6 +172,9 @@ class Audit:
 
     def _steps(self) -> tuple[Step, ...]:
         """Return what to do next: make a study, or correct what is unsound."""
+        kinds = {channel.quantity.kind for file in self.files if file.log is not None for channel in file.log.channels}
+        if self.is_sound and "" not in kinds and not kinds.intersection((*EFFORT_QUANTITIES, "emg")):
+            return (Step("Record an effort or EMG too: no study is made of motion alone"),)
         if self.is_sound:
             return (Step("Make a study of it", line=printed_command("init", "my-study", "--from", *self.paths)),)
         alike: dict[str, list[str]] = {}
