@@ -66,6 +66,7 @@ NOT_RUN = {
     "run-a-live-session.md": ["needs a person at two pages"],
     "bring-your-own-controller.md": ["takes an hour"],
     "connect-a-device-to-a-live-session.md": 2 * ["a part of a package of your own"],
+    "install-from-a-wheel.md": ["compiles the core four times", *2 * ["the name depends on the system"]],
     "integrate-the-supervisor.md": 2 * ["needs a robot of your own"],
     "put-the-controller-on-an-stm32.md": [
         "flags of a compiler for a microcontroller",
