@@ -365,7 +365,7 @@ def test_what_the_system_refuses_is_one_sentence(monkeypatch, capsys, bench):
     def refuse(study, **_):
         raise PermissionError(13, "Permission denied", "report/index.html")
 
-    monkeypatch.setattr("pellucid.study.procedures.run.report", refuse)
+    monkeypatch.setattr("pellucid.study.procedures.run.write_report", refuse)
     code, _, err = as_program(monkeypatch, capsys, "report", bench.folder)
     assert (code, err) == (2, "pellucid: Permission denied: report/index.html\n")
 

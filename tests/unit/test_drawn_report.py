@@ -43,7 +43,7 @@ def test_nothing_changed_and_the_page_is_not_drawn_again(folder, monkeypatch):
     page = folder / "report" / "index.html"
     before = page.read_bytes()
     assert told_of(folder) == ("Report",)
-    monkeypatch.setattr("pellucid.study.procedures.run.report", None)  # whoever called it would fail
+    monkeypatch.setattr("pellucid.study.procedures.run.write_report", None)  # whoever called it would fail
     monkeypatch.setattr("pellucid.study.procedures.registry.open_study", None)
     done = CliRunner().invoke(app, ["report", str(folder)])
     assert done.exit_code == 0, done.output
