@@ -119,7 +119,9 @@ def libraries_of(file: Path) -> list[Path]:
 def inside(root: Path, command: list[str]) -> str:
     """Run a command in the root, without a network; return what it printed."""
     bound = " && ".join(f'touch "$0{node}" && mount --bind {node} "$0{node}"' for node in ("/dev/null", "/dev/urandom"))
-    enter = f'mount -t proc proc "$0/proc" && {bound} && exec chroot "$0" "$@"'
+    # Every Linux has this folder; locks between processes are in it.
+    shared = 'mkdir -p "$0/dev/shm" && mount -t tmpfs tmpfs "$0/dev/shm"'
+    enter = f'mount -t proc proc "$0/proc" && {bound} && {shared} && exec chroot "$0" "$@"'
     environment = {"HOME": "/tmp", "LANG": "C.UTF-8", "PATH": os.environ["PATH"]}
     namespaces = ["unshare", "--user", "--map-root-user", "--net", "--mount", "--pid", "--fork"]
     alone = ["env", "-i", *[f"{name}={value}" for name, value in environment.items()]]

@@ -34,14 +34,14 @@ environment() {
 
 # CMake wants each tool to be one program, and the module is stripped as it is linked.
 cross_tools() {
-  local zig target=$1-linux-gnu.2.28 tool
+  local zig target=$1-linux-gnu.2.28 at=build/wheels/$1 tool options
   zig=$("$uv" run --quiet --no-project --with ziglang python -c 'import os, ziglang; print(os.path.dirname(ziglang.__file__))')/zig
-  mkdir -p "build/wheels/$1"
+  mkdir -p "$at"
   for tool in cc c++ ar ranlib; do
-    [[ $tool != c* ]] || set -- "$1" -target "$target"
-    printf '#!/bin/sh\nexec "%s" %s %s "$@"\n' "$zig" "$tool" "${*:2}" >"build/wheels/$1/$tool"
-    chmod +x "build/wheels/$1/$tool"
-    set -- "$1"
+    options=
+    [[ $tool != c* ]] || options="-target $target"
+    printf '#!/bin/sh\nexec "%s" %s %s "$@"\n' "$zig" "$tool" "$options" >"$at/$tool"
+    chmod +x "$at/$tool"
   done
 }
 
