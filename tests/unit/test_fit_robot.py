@@ -108,8 +108,12 @@ def test_a_parallel_spring_is_named_with_its_joint_and_is_no_gravity(robot, fit,
     said = f"At {NAMES[joint]}, a parallel spring of "
     assert said in str(found)
     assert f"{100.0 * cause.share:.0f} % of the residual" in str(found)
-    with pytest.raises(PellucidError, match=f"simulate: found a parallel spring at {NAMES[joint]}"):
-        found.simulate(np.arange(0.0, 1.0, 1e-3), np.zeros((1000, 2)))
+    # Pushed by the effort of a recorded motion, the simulated robot moves as the recorded one.
+    recorded = sprung(robot, 1, joint, stiffness)
+    time, position = (recorded[key][:400] for key in ("time", "position"))
+    speed = np.gradient(position, time, axis=0)
+    made = found.simulate(time, recorded["effort"][:400], position[0], speed[0])
+    assert np.abs(made.position - position).max() < 0.1
 
 
 def test_a_plain_robot_has_no_cause_and_one_with_a_late_effort_has(robot, fit):

@@ -200,7 +200,7 @@ class RobotFit(TreeEstimate):
         RecordingError
             If the arrays do not fit the robot or each other, or a number is missing.
         IdentificationError
-            If the estimate is no possible body or has a parallel spring, or the simulated robot diverges.
+            If the estimate is no possible body, or the simulated robot diverges.
         """
         (clock,) = sampled("simulate", time)
         drive = _samples_of_joints(self.robot, "simulate", "effort", effort, len(clock))
@@ -213,11 +213,6 @@ class RobotFit(TreeEstimate):
                     f"simulate: {name}: found shape {start[name].shape}, expected ({m},) finite numbers: one for each "
                     f"of {', '.join(self.robot.names)}"
                 )
-        sprung = [n for n, family in zip(self.robot.names, self.families, strict=True) if PARALLEL_STIFFNESS in family]
-        if sprung:
-            raise IdentificationError(
-                f"simulate: found a parallel spring at {', '.join(sprung)}, expected none: simulation lacks springs"
-            )
         period = float(clock[-1] - clock[0]) / (len(clock) - 1)
         turns, model = self.robot.turns_array, self.consistent or self
         masses = _core.KinematicTree(model.links(), np.array(self.robot.tree.gravity, float)).mass_matrix(
@@ -233,7 +228,7 @@ class RobotFit(TreeEstimate):
             substeps=substeps_for(period), turns=turns if self.robot.shared else None, motors=model.motors(),
         )  # fmt: skip
         plant.reset(start["position"], start["velocity"])
-        made, speed = plant.run(drive)
+        made, speed = _run_with_springs(plant, drive, self)
         if not np.isfinite(made).all():
             raise IdentificationError(
                 "simulate: effort: found one at which the simulated robot diverges, expected a bounded motion: check "
@@ -271,6 +266,23 @@ class RobotFit(TreeEstimate):
             for name, each in _recordings_of("score", recordings)
         ]  # fmt: skip
         return score_motions(self, motions)
+
+
+def _run_with_springs(
+    plant: _core.DrivenTree, drive: np.ndarray, estimate: TreeEstimate
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return position and velocity, (n, m) each, of a robot under the efforts `drive`, (n, m), and its springs.
+
+    The plant has no springs: what they take is held over each sample, as the efforts are.
+    """
+    each = range(len(estimate.robot.names))
+    stiffness = np.array([estimate.joint_numbers(k).get(PARALLEL_STIFFNESS, 0.0) for k in each])
+    if not stiffness.any():
+        return plant.run(drive)
+    of_motors = np.linalg.solve(estimate.robot.turns_array.T, np.diag(stiffness))
+    rows = [plant.run((effort - of_motors @ plant.position)[None]) for effort in drive]
+    position, velocity = zip(*rows, strict=True)
+    return np.concatenate(position), np.concatenate(velocity)
 
 
 def score_motions(estimate: TreeEstimate, motions: Sequence[TreeMotion]) -> RobotScore:
