@@ -138,6 +138,8 @@ def muscle_signal(
         # Discharges are a renewal process: each comes when the summed rate reaches the next drawn interval.
         intervals = np.clip(1.0 + 0.18 * rng.standard_normal(int(phase[-1]) + 3), 0.4, 1.8)
         at = np.searchsorted(phase, np.cumsum(intervals))
+        # The phase at which a unit begins is that of a discharge before the recording.
+        at = at[at > 0]
         impulses[:] = 0.0
         impulses[at[at < n]] = 1.0
         if discharges is not None:
