@@ -47,6 +47,9 @@ MAX_GAP_SHARE = 0.8
 GAP_ITERATION_COUNT = 30
 """Largest number of Gauss-Newton steps of the search for the gap's edges; it needs about ten."""
 
+FULL_STEP_COUNT = 12
+"""Steps after this number are halved."""
+
 GAP_TOLERANCE = 1e-4
 """The search ends when the edges move by less than this share of the range."""
 
@@ -277,7 +280,7 @@ def _find_gap(
     middle = _zero_crossing(motions, ends)
     for share in FIRST_GAP_SHARES:
         edges = np.array([middle - 0.5 * share * span, middle + 0.5 * share * span])
-        for _ in range(GAP_ITERATION_COUNT):
+        for i in range(GAP_ITERATION_COUNT):
             gap = SpringGeometry(gap=(float(edges[0]), float(edges[1])))
             spring = np.concatenate([spring_columns(m, way, gap, cubic=False) for m in motions])
             columns = np.hstack([spring, _edges(motions, gap)])
@@ -287,7 +290,8 @@ def _find_gap(
             if not values[0] > 0.0:
                 break
             moved = -values[-2:] / values[0]
-            edges = np.clip(edges + moved, *ends)
+            # Whole steps may lead to and fro between two pairs of edges.
+            edges = np.clip(edges + moved * (1.0 if i < FULL_STEP_COUNT else 0.5), *ends)
             if not 0.0 < edges[1] - edges[0] < MAX_GAP_SHARE * span:
                 break
             if np.abs(moved).max() < GAP_TOLERANCE * span:
