@@ -273,7 +273,7 @@ def _run_with_springs(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return position and velocity, (n, m) each, of a robot under the efforts `drive`, (n, m), and its springs.
 
-    The plant has no springs: what they take is held over each sample, as the efforts are.
+    The plant has no springs. Their effort is held over each sample, as the efforts of the motors are.
     """
     each = range(len(estimate.robot.names))
     stiffness = np.array([estimate.joint_numbers(k).get(PARALLEL_STIFFNESS, 0.0) for k in each])

@@ -271,7 +271,7 @@ def _gap_columns(stretches: LeftOutStretches) -> list[np.ndarray]:
     return stretches.columns(lambda m: reversal_pulses(m, load(m)))
 
 
-def _least_gap(stretches: LeftOutStretches) -> float:
+def _least_gap(stretches: LeftOutColumns) -> float:
     """Return the smallest gap that is named."""
     return CAUSE_THRESHOLDS.min_gap_range_share * float(np.ptp(stretches.states.position))
 
@@ -401,7 +401,7 @@ def _delay_size(columns: Sequence[np.ndarray], stretches: LeftOutColumns) -> tup
     return float(stretches.coefficients(columns)[0]), "s"
 
 
-_SIZES: Mapping[str, Callable[[Sequence[np.ndarray], LeftOutStretches], tuple[float, str]]] = {
+_SIZES: Mapping[str, Callable[..., tuple[float, str]]] = {
     POSITION_FRICTION: _travel_friction_size,
     MISALIGNED_AXIS: _axis_size,
     BACKLASH: _gap_size,
