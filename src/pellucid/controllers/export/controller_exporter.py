@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from shlex import quote
-from typing import ClassVar
+from typing import ClassVar, cast
 
 from ..._errors import PellucidError
 from ...study.answer import Answer, Step
@@ -19,6 +19,7 @@ from ...study.exporter import HEADER_FOLDER, OUTPUT_FILE, Exporter, ExportReques
 from ...study.procedures.procedure import typed_commands
 from ...study.procedures.registry import asked
 from ...study.study import Study
+from ...study.study_file import RigJoint
 from ..joint_compensation import DEFAULT_PERIOD_S
 from ..study.rig_instruments import rig_instruments
 from ..supervisor_faults import describe_drive_watch
@@ -238,7 +239,7 @@ class ArmExporter(ControllerExporter):
 
     def describe(self, request: ExportRequest, place: Path) -> str:
         """Return of which drives the supervisor compares effort and command."""
-        joints = request.study.rig.joints
+        joints = cast(tuple[RigJoint, ...], request.study.rig.joints)
         lacking = [joint.joint for joint in joints if not rig_instruments(joint).drive]
         said = f"The supervisor watches {len(joints)} joints"
         if not lacking:
