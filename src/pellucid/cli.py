@@ -467,6 +467,7 @@ def certificate(folder: Folder, out: Out = None, allow_outside: Outside = False)
 
     The page lists protocol, margins, assumptions, exclusions and checksums.
     """
+    from .people.study.assessment_answer import reviewed_answer
     from .people.study.assessment_page import write_certificate_of
     from .people.study.assessment_result import kept_certificates
 
@@ -475,10 +476,11 @@ def certificate(folder: Folder, out: Out = None, allow_outside: Outside = False)
         found = kept_certificates(study, "margins to certify", tell)
         page = write_certificate_of(study, found)
     console = make_console()
-    print_answer(console, found.answer)
-    print_steps(console, found.answer)
+    answer = reviewed_answer(found)
+    print_answer(console, answer)
+    print_steps(console, answer)
     print_line(console, f"Certificate: {page}")
-    exit_unless_answered([found.answer])
+    exit_unless_answered([answer])
 
 
 @app.command(rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid live my-session"))

@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 
 from pellucid.people.study import assessment_answer
-from pellucid.study.answer import Step, unanswered_message
+from pellucid.study.answer import Answer, Step, unanswered_message
 
 
 def test_a_condition_of_which_nobody_can_say_gives_its_reason_alone(monkeypatch):
@@ -25,3 +25,11 @@ def test_a_condition_of_which_nobody_can_say_gives_its_reason_alone(monkeypatch)
     assert answer.verdict == "cannot say"
     assert answer.said.strip() == "speed: cannot say (post hoc); full accuracy: not transparent."
     assert unanswered_message([answer]) == "cannot say: speed: The interval is too wide."
+
+
+def test_the_certificate_does_not_name_itself_as_the_next_step():
+    record = Step("Record more movements")
+    answer = Answer("Is it transparent?", "yes", "yes", next=(assessment_answer.CERTIFICATE_STEP, record))
+    following = assessment_answer.reviewed_answer(SimpleNamespace(answer=answer)).next
+    assert [step.name for step in following] == ["paper", ""]
+    assert following[1] == record

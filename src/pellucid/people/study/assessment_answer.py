@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...study.answer import Answer, AnswerNumber, AnswerPart, AnswerVerdict, Basis, Step
+from ...study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, AnswerVerdict, Basis, Step
 from ...study.pages.quantities import MINUS_SIGN
 from ...study.pages.values import Value
 from ..certificate import FAIL, PASS
@@ -30,6 +31,10 @@ def assessment_answer(found: AssessmentResult) -> Answer:
     return certificate_answer(found) if found.certified else _change_answer(found)
 
 
+CERTIFICATE_STEP = Step("Write the certificate's page for a reviewer", "certificate")
+"""What to do next with a certificate that says yes or no."""
+
+
 def certificate_answer(found: AssessmentResult) -> Answer:
     """Return whether a condition is shown to be transparent, with what to record where nobody can say."""
     parts = [
@@ -48,13 +53,21 @@ def certificate_answer(found: AssessmentResult) -> Answer:
     steps = [_recording_step(each) for each in found.certified if each.certificate.verdict not in (PASS, FAIL)]
     stated = "; ".join(f"{one.condition.replace('_', ' ')}: {one.certificate.statement}" for one in found.certified)
     beyond = "".join(f"{_beyond_text(each)} " for each in found.certified if each.certificate.verdict == FAIL)
-    reviewed = Step("Write the certificate's page for a reviewer", "certificate")
-    following = steps if verdict == "cannot say" else [reviewed]
+    following = steps if verdict == "cannot say" else [CERTIFICATE_STEP]
     return Answer(
         question, verdict, f"{stated}. {beyond}{_changes_text(found)}", reason, tuple(parts),
         tuple(_numbers(found)), _basis(found), next=tuple(dict.fromkeys(following)),
         qualifier="post hoc" if is_post_hoc else "",
     )  # fmt: skip
+
+
+def reviewed_answer(found: AssessmentResult) -> Answer:
+    """Return the answer on the page for a reviewer, which is written already: a paper follows it."""
+    following = (
+        replace(PAPER_STEP, folder=step.folder) if step.name == CERTIFICATE_STEP.name else step
+        for step in found.answer.next
+    )
+    return replace(found.answer, next=tuple(following))
 
 
 def _beyond_text(each: Certified) -> str:

@@ -29,7 +29,7 @@ from ..indices import SHOWN_INDICES, index_names, leading_index
 from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, MODEL_PEOPLE
 from . import assessment_figures as figures
 from . import assessment_tables as tables
-from .assessment_answer import change_value, known_changes
+from .assessment_answer import change_value, known_changes, reviewed_answer
 from .assessment_result import AssessmentResult, kept_certificates
 from .assessment_table import AssessmentTable
 from .certified_rows import TEST_ASSUMPTIONS, TEST_NAMES, certificate_remarks, certificate_sentences
@@ -266,7 +266,7 @@ def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) 
     command = printed_command("certificate", study.folder)
     return study_page(
         f"{found.study}: certificate",
-        found.answer,
+        reviewed_answer(found),
         [Tile(condition, verdict, "", _p_of_verdict(each.certificate))
          for each, (condition, verdict) in zip(found.certified, verdicts, strict=True)],
         [_result(found), _protocol(study, spec, found), _margins(spec, found), _assumptions(found),
