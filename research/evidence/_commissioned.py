@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pellucid.controllers.commissioning import DriveCheck, StartLog, drive_check
+from pellucid.controllers.commissioning import DRIVE_WAVE_FACTOR, DriveCheck, StartLog, drive_check
 from pellucid.study.results import ResultRow
 from research.benchmarks._size import sized
 
@@ -81,9 +81,9 @@ def draw_robot(index: int, seed: int = SEED) -> DrawnRobot:
 
 
 def play_start(robot: DrawnRobot, index: int, start: int, seed: int = SEED) -> StartLog:
-    """Play one start: rest, a whole wave of 64 ms, and nothing after it."""
+    """Play one start as a commissioning does: rest, a whole wave of twice 64 ms, and nothing after it."""
     rng = np.random.default_rng([seed, index, start])
-    count, first, half = 400, 150, 32
+    count, first, half = 464, 150, 32 * DRIVE_WAVE_FACTOR
     effort = np.zeros(count)
     effort[first : first + 2 * half] = robot.effort * np.sin(math.pi * (np.arange(2 * half) + 1) / half)
     # Wherever friction holds it.
@@ -137,7 +137,7 @@ def commissioned_rows() -> Iterator[ResultRow]:
     wrong = sum(found.sign * robot.gain < 0.0 for robot, found in made)
     told = [(robot, found) for robot, found in made if math.isfinite(found.gain)]
     errors = [100.0 * abs(found.gain / abs(robot.gain) - 1.0) for robot, found in told]
-    delays = [1e3 * abs(found.delay - robot.delay - robot.lag) for robot, found in made]
+    delays = [1e3 * abs(found.delay - robot.delay - robot.lag) for robot, found in told]
 
     def row(name: str, value: float, unit: str, note: str) -> ResultRow:
         return ResultRow(f"safety.commissioned.{name}", value, unit, "evidence", "simulated", None, note)

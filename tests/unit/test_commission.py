@@ -40,7 +40,7 @@ def test_a_rigid_robots_drive_is_told(index):
     robot = replace(draw_robot(index, 3), rotor_share=0.0)
     found = drive_check([play_start(robot, index, k, 3) for k in range(5)], robot.model_inertia)
     assert found.sign == np.sign(robot.gain)
-    assert found.gain == pytest.approx(abs(robot.gain), rel=0.08)
+    assert found.gain == pytest.approx(abs(robot.gain), rel=0.05)
     assert found.delay == pytest.approx(robot.delay + robot.lag, abs=2.5e-3)
     assert found.is_right == (robot.gain > 0.0 and abs(found.gain - 1.0) <= 0.15)
 
@@ -51,6 +51,7 @@ def test_before_a_soft_transmission_the_sign_alone_is_told():
     found = drive_check([play_start(robot, 1, k, 3) for k in range(4)], robot.model_inertia)
     assert found.sign == np.sign(robot.gain)
     assert math.isnan(found.gain)
+    assert math.isnan(found.delay)  # it was told, and wrong by up to 24 ms
 
 
 def test_starts_that_move_nothing_are_refused():
@@ -63,7 +64,8 @@ def test_starts_that_move_nothing_are_refused():
 
 def test_a_virtual_robot_is_commissioned():
     safe = law()
-    empty = record_starts(VirtualRobot(JOINT, worn=False, period=1e-3), safe, 4, worn=False)
+    empty = record_starts(VirtualRobot(JOINT, worn=False, period=1e-3), safe, 4, worn=False, wave_factor=2)
+    assert np.count_nonzero(empty[0].effort) == pytest.approx(4 * safe.supervision["test_samples"], abs=4)
     found = drive_check(empty, 0.05)
     assert (found.sign, found.is_right) == (1, True)
     assert found.gain == pytest.approx(1.0, abs=0.05)
@@ -76,6 +78,15 @@ def test_a_virtual_robot_is_commissioned():
     commissioned = law(start_up_answer=told.start_up, probe_answer=told.probe)
     again = record_starts(VirtualRobot(JOINT, worn=True, period=1e-3), commissioned, 1, worn=True)
     assert np.abs(again[0].effort[-500:]).max() > 0.1
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_the_gain_before_a_soft_transmission_is_told(index):
+    """With a wave as short as that of the start-up test it was wrong by 13 %, or not told."""
+    robot = replace(draw_robot(index, 5), rotor_share=0.2)
+    robot = replace(robot, stiffness=robot.inertia * 0.16 * (2.0 * math.pi * 90.0) ** 2)
+    found = drive_check([play_start(robot, index, k, 5) for k in range(6)], robot.inertia)
+    assert found.gain == pytest.approx(abs(robot.gain), rel=0.05)
 
 
 def test_another_controllers_log_tells_no_answer_of_the_probe():

@@ -77,7 +77,7 @@ class DriveCheck:
     sign: int  # 1 where an effort moves the joint as stated, -1 where it is reversed
     gain: float  # effort given over effort asked for, its size; NaN where the motion is no rigid body's [1]
     gain_spread: float  # standard deviation over starts [1]
-    delay: float  # from the command to the effort [s]
+    delay: float  # from the command to the effort [s]; NaN where the gain is
     starts: int
 
     @property
@@ -129,7 +129,7 @@ def drive_check(starts: Sequence[StartLog], inertia: float) -> DriveCheck:
     works = list(map(_first_work, moved))
     sign = 1 if np.median(works) > 0.0 else -1
     told = left <= MAX_UNEXPLAINED_SHARE and sign * found[0] > 0.0
-    gain = abs(float(found[0])) if told else math.nan
+    gain, delay = (abs(float(found[0])), delay) if told else (math.nan, math.nan)
     return DriveCheck(sign, gain, float(np.std(each, ddof=1)), delay, len(moved))
 
 
@@ -318,6 +318,16 @@ class Robot(Protocol):
         ...
 
 
+DRIVE_WAVE_FACTOR = 2
+"""Duration of the wave that shows the gain of a drive, over that of the start-up test [1].
+
+A rotor before a soft transmission follows a wave of frequency f too readily, by about the square of f over the
+resonance: a wave of twice the duration has a quarter of that error.
+"""
+
+LONGEST_HALF_WAVE = 200
+"""Largest number of periods in half a wave that the core accepts."""
+
 EMPTY_START_S = 1.2
 """Time of one start of a robot that nobody wears."""
 
@@ -331,13 +341,14 @@ PAUSE_S = 0.3
 """Time without power between two starts."""
 
 
-def record_starts(robot: Robot, law: SupervisedLaw, count: int, *, worn: bool) -> list[StartLog]:
+def record_starts(robot: Robot, law: SupervisedLaw, count: int, *, worn: bool, wave_factor: int = 1) -> list[StartLog]:
     """Start a `law` on a robot `count` times, and return what was read and asked for.
 
-    Where nobody wears the robot, each start ends with its wave, whatever that shows. Of a `worn` one the last goes on
-    for `MOVED_S`.
+    Where nobody wears the robot, each start ends with its wave, whatever that shows; the wave is longer than the law's
+    by `wave_factor`. Of a `worn` one the last goes on for `MOVED_S`.
     """
-    played = law if worn else law.changed(**WHATEVER_IT_SHOWS)
+    half_wave = min(wave_factor * law.supervision["test_samples"], LONGEST_HALF_WAVE)
+    played = law if worn else law.changed(**WHATEVER_IT_SHOWS, test_samples=half_wave)
     period = law.values["period"]
     made = []
     for number in range(count):

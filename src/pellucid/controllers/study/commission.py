@@ -18,7 +18,16 @@ from ...files.readers.read import read_columns
 from ...numerics.arguments import with_checked_arguments
 from ...study.answer import Answer, AnswerNumber, Basis, Step
 from ...study.study import Study
-from ..commissioning import Answers, DriveCheck, Robot, StartLog, answers, drive_check, record_starts
+from ..commissioning import (
+    DRIVE_WAVE_FACTOR,
+    Answers,
+    DriveCheck,
+    Robot,
+    StartLog,
+    answers,
+    drive_check,
+    record_starts,
+)
 from ..control_law import LAWS
 from ..export.controller_values import protect_wearer
 from ..export.export import values_for
@@ -80,26 +89,26 @@ class Commissioning:
             reasons.append(f"its gain is {drive.gain:.3f} times the stated one")
         known = np.isfinite(drive.gain)
         said = "; ".join(reasons) or ("sign and gain are right" if known else "the sign is right; the gain is unknown")
-        numbers = [AnswerNumber("gain", drive.gain, "1")] if known else []
-        numbers.append(AnswerNumber("delay", drive.delay, "s"))
+        numbers = (AnswerNumber("gain", drive.gain, "1"), AnswerNumber("delay", drive.delay, "s")) if known else ()
         again = Step("Correct the wiring, or [rig.drive] in study.toml, then commission again", "commission")
         return Answer(
             "Does the drive follow its commands?", "no" if reasons else "yes", said, "; ".join(reasons), (),
-            tuple(numbers), Basis(drive.starts, drive.starts, "start", is_simulated=self.source == VIRTUAL_SOURCE),
+            numbers, Basis(drive.starts, drive.starts, "start", is_simulated=self.source == VIRTUAL_SOURCE),
             next=(again if reasons else Step("Export again", "export"),), qualifier="" if known else "sign only",
         ).in_folder(self.folder)  # fmt: skip
 
     def lines(self) -> tuple[str, ...]:
         """Return the lines of the printed summary."""
         drive, found = self.drive, self.answers
-        gain = "not identifiable, because the rotor oscillates against a compliant transmission"
+        gain = delay = "not identifiable, because the rotor oscillates against a compliant transmission"
         if np.isfinite(drive.gain):
             gain = f"{drive.gain:.3f} times the stated gain (standard deviation {drive.gain_spread:.3f})"
+            delay = f"{1e3 * drive.delay:.1f} ms from command to effort"
         made = [
             f"{self.source}: {drive.starts} starts",
             f"sign: {'right' if drive.sign > 0 else 'reversed: exchange the leads, or the sign in [rig.drive]'}",
             f"gain: {gain}",
-            f"delay: {1e3 * drive.delay:.1f} ms from command to effort",
+            f"delay: {delay}",
         ]
         if found.start_up is not None:
             made.append(f"start_up_answer: {found.start_up:.4g} J (standard deviation {found.start_up_spread:.2g} J)")
@@ -205,9 +214,9 @@ def _play(
     """Return starts without and with a wearer, played on a robot, or on the study's virtual one."""
     if robot is not None:
         ask("Make sure that nobody wears the robot and that the joint can move. Press Enter to apply power.")
-        empty = record_starts(robot, law, START_COUNT, worn=False)
+        empty = record_starts(robot, law, START_COUNT, worn=False, wave_factor=DRIVE_WAVE_FACTOR)
         if not wearer:
-            return empty, empty
+            return empty, record_starts(robot, law, START_COUNT, worn=False)
         ask("Put the robot on a relaxed wearer, who moves the joint for 20 s from the tenth start. Press Enter.")
         return empty, record_starts(robot, law, START_COUNT, worn=True)
     made = [plugin.value(study.folder) for plugin in load_plugins("pellucid.robots")]
@@ -218,8 +227,8 @@ def _play(
         )
     robot_of: Callable[[bool, float], Robot] = make
     period = law.values["period"]
-    empty = record_starts(robot_of(False, period), law, START_COUNT, worn=False)
-    return empty, record_starts(robot_of(True, period), law, START_COUNT, worn=True) if wearer else empty
+    empty = record_starts(robot_of(False, period), law, START_COUNT, worn=False, wave_factor=DRIVE_WAVE_FACTOR)
+    return empty, record_starts(robot_of(wearer, period), law, START_COUNT, worn=wearer)
 
 
 def read_starts(paths: Sequence[Path]) -> list[StartLog]:
