@@ -14,7 +14,7 @@ TABLE = re.findall(r"^\| `([\w.]+)` \| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", FINDI
 UNITS = {"N·s/m": "N*s/m"}
 IN_README = {
     "emps.symmetric.inertia": "moving mass of EMPS",
-    "emps.symmetric.effort_error.pulses": "error of its effort on a recording that was not fitted",
+    "emps.symmetric.effort_error.pulses": "error of its effort on a held-out recording",
 }
 
 

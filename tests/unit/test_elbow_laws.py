@@ -171,7 +171,7 @@ def test_what_makes_no_sense_gives_nothing():
                    {"disturbance_share": 1.0}, {"disturbance_delay": 0.04}, {"dither_frequency": 4000.0}):  # fmt: skip
         broken = law.changed(**change)
         assert _core.fuzz_law(broken.kind, broken.parameters, 1000, 1)[3] == 0
-    with pytest.raises(ValueError, match="law: expected"):
+    with pytest.raises(ValueError, match='law: found "other", expected one of'):
         _core.fuzz_law("other", [1.0], 10, 1)
     with pytest.raises(ValueError, match=r"expected \(24,\)"):
         _core.fuzz_law("directional", [1.0], 10, 1)

@@ -99,7 +99,7 @@ def test_the_card_comes_back_as_it_was_written(virtual, fit):
     ("text", "message"),
     [
         ("not json", "not a model card"),
-        ("[]", "no integer 'format'"),
+        ("[]", 'found no whole number "format"'),
         ('{"format": 99}', "a model card of format 99"),
         ('{"format": 1, "parameters": []}', "not a model card of format 1"),
     ],

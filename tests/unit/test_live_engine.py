@@ -218,8 +218,11 @@ def test_every_process_ends_by_itself_after_its_session_was_killed(tmp_path):
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
 @pytest.mark.parametrize(
     "killed",
-    ["session", *(pytest.param(k, marks=pytest.mark.nightly) for k in ("recorder session", "engine session")),
-     "engine recorder session"],
+    [
+        "session",
+        *(pytest.param(k, marks=pytest.mark.nightly) for k in ("recorder session", "engine session")),
+        "engine recorder session",
+    ],
 )
 def test_the_next_session_removes_the_memory_of_one_that_was_killed(elbow, tmp_path, killed):
     words = [sys.executable, "-c", SESSION_PROGRAM, str(tmp_path / "first")]
@@ -383,7 +386,9 @@ def test_a_damaged_datagram_is_nothing():
 
 def test_numbers_that_make_no_sense_are_refused_with_their_place(tmp_path, elbow):
     broken = replace(elbow, conditions=(Condition("carried", carried().changed(moving_speed=-1.0)),))
-    with pytest.raises(PellucidError, match="condition carried: the numbers of its law or of its supervisor"):
+    with pytest.raises(
+        PellucidError, match="condition carried: found numbers of its law or supervisor outside their bounds"
+    ):
         LiveEngine.start(broken, tmp_path / "a", streams=False, recorder=False, ordinary=True)
     nobody = replace(elbow, device=DeviceNumbers("toaster"))
     with pytest.raises(PellucidError, match='found "toaster", expected virtual-elbow'):

@@ -179,5 +179,5 @@ def test_what_tells_no_load_is_refused():
     still = Lift(np.full(500, 1.0), np.ones(500), np.zeros(500), 1000.0)
     with pytest.raises(IdentificationError, match=r"found 0 s of motion above 0\.1 rad/s"):
         estimate_load(ROBOT_BODY, EMPTY_LIFTS, still, distance=0.3)
-    with pytest.raises(IdentificationError, match="found no number mass"):
+    with pytest.raises(IdentificationError, match="found mass in the body, expected any of inertia"):
         estimate_load({"mass": 1.0}, EMPTY_LIFTS, lift(1.0), distance=0.3)

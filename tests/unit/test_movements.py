@@ -139,7 +139,7 @@ def test_a_short_loss_is_bridged():
 
 def test_what_cannot_be_filtered_is_refused():
     time, angle = record([(1.0, 0.8, 0.6)], 2.0)
-    with pytest.raises(RecordingError, match=r"x\.csv: low-pass at 150 Hz"):
+    with pytest.raises(RecordingError, match=r"x\.csv: found a low-pass of 150 Hz"):
         kinematics(time, angle, MovementRule(lowpass=150.0), where="x.csv")
     with pytest.raises(RecordingError, match="increasing times"):
         kinematics(time[::-1], angle, RAW)

@@ -101,5 +101,5 @@ def test_a_joint_has_it_in_tables_rows_verdicts_and_on_the_page(study):
 
 def test_without_its_package_it_is_refused_before_anything_is_read(study, monkeypatch):
     monkeypatch.setitem(sys.modules, "emcee", None)
-    with pytest.raises(PellucidError, match=r"\[posterior\]"):
+    with pytest.raises(PellucidError, match=r'found no package emcee, expected it: pip install "emcee'):
         pl.identify(study, thorough=False)

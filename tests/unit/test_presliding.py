@@ -167,7 +167,7 @@ def test_reversals_grow_around_each_angle():
         np.testing.assert_allclose(np.diff(np.log(sizes)), np.log(100.0) / 10, rtol=1e-2)
         np.testing.assert_allclose(strokes.mean(axis=1), 0, atol=1e-4)
     assert np.abs(np.diff(path)).max() * 500 < 2.5  # no jump
-    with pytest.raises(PellucidError, match="3 or more that grow"):
+    with pytest.raises(PellucidError, match="3 strokes and a largest stroke above the smallest"):
         reversals(4.0, 500.0, smallest=1e-3, largest=0.1, frequency=1.0, centres=[0.0, 1.0])
 
 

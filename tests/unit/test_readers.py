@@ -215,9 +215,9 @@ def test_what_is_written_reads_back_to_the_same_bits(tmp_path, rng):
 
 def test_writing_refuses_what_could_not_be_read(tmp_path):
     time = Channel("time", np.arange(3.0), "s", 0)
-    with pytest.raises(RecordingError, match="no channel time"):
+    with pytest.raises(RecordingError, match="found the channels q, expected time among them"):
         write_csv(tmp_path / "a.csv", {"q": time})
-    with pytest.raises(RecordingError, match="differ in length"):
+    with pytest.raises(RecordingError, match="found channels of different lengths"):
         write_csv(tmp_path / "a.csv", {"time": time, "q": Channel("q", np.arange(2.0), "rad", 1)})
     assert not list(tmp_path.iterdir())
 

@@ -31,7 +31,9 @@ def test_a_sliding_mean_passes_3_db_less_at_its_cut_off():
 
 @pytest.mark.parametrize("count", [0, 51])
 def test_a_sliding_mean_of_too_many_samples_is_refused(count):
-    with pytest.raises(ValueError, match=f"sliding mean of {count} samples; expected at least 1 and at most the 50"):
+    with pytest.raises(
+        ValueError, match=f"found a sliding mean over {count} samples, expected at least 1 and at most the 50"
+    ):
         sliding_mean(np.zeros(50), count)
 
 

@@ -347,7 +347,7 @@ def test_commanded_efforts_pass_the_supervisor_of_the_law(single):
         given = running.step(PERIOD * i, position, command=wanted)
     assert (running.fault, running.mode) == ("stopped", "damped_stop")
     assert given == pytest.approx(np.zeros(M))
-    with pytest.raises(ValueError, match="expected a law that is commanded"):
+    with pytest.raises(ValueError, match="expected one that is commanded"):
         law.supervised(single=single).step(0.0, position, command=wanted)
     with pytest.raises(ValueError, match=r"command: got shape \(3,\), expected \(4,\)"):
         law.supervised(commanded=True).step(0.0, position, command=np.zeros(3))

@@ -80,5 +80,5 @@ def test_segments_are_equal_parts_where_joints_never_stop_together():
 
 def test_a_low_pass_beyond_the_rate_is_refused():
     t, q, _, _ = stopping()
-    with pytest.raises(RecordingError, match="low-pass at 300 Hz"):
+    with pytest.raises(RecordingError, match="found a low-pass of 300 Hz"):
         tree_motion_of(t, q, q, Filtering(lowpass=300.0))
