@@ -33,3 +33,10 @@ def test_the_certificate_does_not_name_itself_as_the_next_step():
     following = assessment_answer.reviewed_answer(SimpleNamespace(answer=answer)).next
     assert [step.name for step in following] == ["paper", ""]
     assert following[1] == record
+
+
+def test_the_basis_counts_the_movements_that_were_excluded():
+    found = SimpleNamespace(participants=("a",), without={}, movements=778, left_out={"marker": 700, "label": 77})
+    assert "778 of 1,555 movements" in assessment_answer._basis(found).sentence
+    found.left_out = {}
+    assert "numbers are of 778 movements" in assessment_answer._basis(found).sentence

@@ -324,7 +324,7 @@ def test_conditions_change_by_way_of_no_effort(elbow, tmp_path):
         with pytest.raises(PellucidError, match='found "FC", expected one of Ctrl, unpowered, carried, again'):
             engine.set_condition("FC")
         engine.set_condition("Ctrl")
-        with pytest.raises(PellucidError, match='has no parameter "offset"'):
+        with pytest.raises(PellucidError, match='found the parameter "offset", expected none, since it runs no law'):
             engine.set_torque(1.0)
 
 

@@ -61,9 +61,8 @@ class Condition:
         """
         names = [] if self.law is None else list(LAWS[self.law.kind].defaults)
         if name not in names:
-            raise PellucidError(
-                f'condition "{self.name}": found the parameter "{name}", expected one of {", ".join(names) or "none"}'
-            )
+            expected = f"one of {', '.join(names)}" if names else "none, since it runs no law"
+            raise PellucidError(f'condition "{self.name}": found the parameter "{name}", expected {expected}')
         return names.index(name)
 
 

@@ -156,8 +156,9 @@ def _margin_step(found: AssessmentResult) -> Step:
 
 
 def _basis(found: AssessmentResult) -> Basis:
-    used = len(found.participants)
-    return Basis(used, used + len(found.without), "participant", f"{found.movements:,} movements")
+    used, excluded = len(found.participants), sum(found.left_out.values())
+    recorded = f" of {found.movements + excluded:,}" if excluded else ""
+    return Basis(used, used + len(found.without), "participant", f"{found.movements:,}{recorded} movements")
 
 
 def _numbers(found: AssessmentResult) -> list[AnswerNumber]:
