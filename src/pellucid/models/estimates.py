@@ -93,7 +93,7 @@ class Parameter:
     def sentence(self, level: float = 0.95) -> str:
         """Return the interval at `level` in words, with the share that coloured residuals alone contribute."""
         if self.refused:
-            return f"interval refused: {self.refused}"
+            return f"not identifiable: {self.refused}"
         low, high = self.interval(level)
         said = f"{100.0 * level:g} % interval {low:.6g} to {high:.6g}"
         if self.statistical_error == self.standard_error:
@@ -300,5 +300,5 @@ def _remark(parameter: Parameter) -> str:
     if parameter.at_bound:
         return "held by its bound"
     if parameter.refused:
-        return f"refused: {parameter.refused}"
-    return "" if parameter.identifiable else "not told from 0"
+        return f"not identifiable: {parameter.refused}"
+    return "" if parameter.identifiable else "may be zero"

@@ -106,7 +106,7 @@ def _tiles(found: TreeResult) -> list[Tile]:
     tiles = [
         Tile("Mean effort error", percent(best.mean), "%", f"on {ROW_KIND_DESCRIPTIONS[found.judged]}"),
         Tile("Worst joint", percent(best.each[worst]), "%", short(found.names[worst])),
-        Tile("Parameters told from 0", f"{identified_count}", f"of {count}", f"{plain} with plain friction"),
+        Tile("Parameters that differ from 0", f"{identified_count}", f"of {count}", f"{plain} with plain friction"),
     ]
     if found.jackknife is not None:
         share = number(found.jackknife.share_within, digits=3)
