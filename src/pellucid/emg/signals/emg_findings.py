@@ -229,6 +229,17 @@ def exchanged_findings(
     return found
 
 
+def own_maximum_finding(name: int | str, x: np.ndarray, rate: float, unit: str) -> EmgFinding | None:
+    """Return the finding of a relative channel, (n,), whose largest value is exactly its maximum; None of others."""
+    known = x[np.isfinite(x)]
+    top = float(np.max(known)) if len(known) else 0.0
+    one = 1.0 if unit == "1" else 100.0
+    if abs(top - one) > max(_converter_step(known), 1e-9 * one):
+        return None
+    kind, said = "normalised_per_trial", "its largest value is exactly its own maximum"
+    return EmgFinding(name, kind, 0.0, len(x) / rate, top, CONSEQUENCES[kind], said)
+
+
 def own_maximum_channels(recordings: Sequence[tuple[Collection[str], Collection[str]]]) -> list[set[str]]:
     """Return, for each of several recordings, the channels whose largest value is that of this recording alone.
 
@@ -319,11 +330,8 @@ def _channel_findings(
     for part in gone:
         there[part] = False
     if is_relative:
-        top = float(np.max(x[there])) if there.any() else 0.0
-        one = 1.0 if unit == "1" else 100.0
-        if abs(top - one) <= max(_converter_step(x[there]), 1e-9 * one):
-            found.append(whole("normalised_per_trial", top, "its largest value is exactly its own maximum"))
-        return found
+        own_maximum = own_maximum_finding(name, x, rate, unit)
+        return found if own_maximum is None else [*found, own_maximum]
     rms = _rms(x[there])
     is_unknown = is_wrong_unit or unit == ""
     least = FINDING_LIMITS.min_relative_rms * typical if is_unknown else FINDING_LIMITS.min_rms_v / EMG_UNITS[unit]

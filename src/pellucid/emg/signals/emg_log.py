@@ -15,6 +15,7 @@ from .emg_findings import (
     emg_quality,
     exchanged_findings,
     own_maximum_channels,
+    own_maximum_finding,
 )
 from .exchanged import exchanged_recordings
 
@@ -45,28 +46,28 @@ def emg_log_findings(log: Log) -> list[LogFinding]:
             clocks.add(own.clock.name)
             nominal = log.nominal.get(own.clock.name, log.nominal.get(""))
             found += [_finding(one, own.rate) for one in clock_findings(own.clock.name, own.clock.samples, nominal)]
-        found += [_finding(one, own.rate) for one in _quality(own) if one.kind != OWN_MAXIMUM_KIND]
+        named = emg_quality(own.samples, rate=own.rate, channels=own.names, unit=own.unit)
+        found += [_finding(one, own.rate) for one in named if one.kind != OWN_MAXIMUM_KIND]
     return found
 
 
 def own_maximum_log_findings(logs: Sequence[Log]) -> list[list[LogFinding]]:
     """Return, for each log, which of its relative envelopes are divided by their own maximum."""
-    every = [[own for own in _emg_columns(log) if own.unit in RELATIVE_UNITS] for log in logs]
-    found = [[(one, own.rate) for own in log for one in _quality(own) if one.kind == OWN_MAXIMUM_KIND] for log in every]
-    members = [
-        ([name for own in log for name in own.names], [str(one.channel) for one, _ in reached])
-        for log, reached in zip(every, found, strict=True)
-    ]
+    members: list[tuple[list[str], dict[str, LogFinding]]] = []
+    for log in logs:
+        relative = [own for own in _emg_columns(log) if own.unit in RELATIVE_UNITS]
+        found = [
+            _finding(one, own.rate)
+            for own in relative
+            for name, x in zip(own.names, own.samples.T, strict=True)
+            if (one := own_maximum_finding(name, x, own.rate, own.unit)) is not None
+        ]
+        members.append(([name for own in relative for name in own.names], {one.channel: one for one in found}))
     kept = own_maximum_channels(members)
     return [
-        [_finding(one, rate) for one, rate in reached if str(one.channel) in channels]
-        for reached, channels in zip(found, kept, strict=True)
+        [one for name, one in reached.items() if name in channels]
+        for (_, reached), channels in zip(members, kept, strict=True)
     ]
-
-
-def _quality(own: _EmgColumns) -> tuple[EmgFinding, ...]:
-    """Return the findings of columns of EMG."""
-    return emg_quality(own.samples, rate=own.rate, channels=own.names, unit=own.unit)
 
 
 def exchanged_log_findings(logs: Sequence[Log]) -> list[list[LogFinding]]:

@@ -17,7 +17,7 @@ from ...files.recording import MAXIMAL_PROTOCOL, Recording
 from ...models.estimates import Verdict
 from ...study.study import Study
 from ..signals.emg_chain import EmgChain, emg_chain
-from ..signals.emg_findings import emg_quality, exchanged_findings, own_maximum_channels, without_short_peaks
+from ..signals.emg_findings import exchanged_findings, own_maximum_channels, own_maximum_finding, without_short_peaks
 from ..signals.emg_quality import FINDING_FAULTS, channel_fault, find_hum, inspect_emg
 from ..signals.exchanged import exchanged_recordings
 from .emg_torque.emg_torque_table import EmgTorqueTable
@@ -306,11 +306,7 @@ def per_trial_faults(streams: Sequence[Recording]) -> list[Fault]:
         if stream.path not in own:
             whole = stream.uncut or stream
             relative = {n: c.samples for n, c in whole.channels.items() if n.startswith("emg.") and c.unit != "V"}
-            reached: set[str] = set()
-            if relative:
-                samples = np.column_stack([*relative.values()])
-                found = emg_quality(samples, rate=whole.fs, channels=list(relative), unit="1")
-                reached = {str(one.channel) for one in found if one.kind == "normalised_per_trial"}
+            reached = {n for n, x in relative.items() if own_maximum_finding(n, x, whole.fs, "1") is not None}
             own[stream.path] = (stream, tuple(relative), reached)
     faults = []
     for own in files.values():
