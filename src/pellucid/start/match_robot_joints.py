@@ -289,7 +289,7 @@ def _recorded(name: str, roles: TableRoles, tables: Sequence[Mapping[str, np.nda
     places = [_in_si(table, position) for table in tables if position.column in table]
     known = [x[np.isfinite(x)] for x in places]
     ends = [end for x in known if x.size for end in (float(x.min()), float(x.max()))]
-    slides = position.unit in ("m", "mm", "cm", "um")
+    slides = position.is_length
     return _RecordedJoint(
         name,
         places[0],

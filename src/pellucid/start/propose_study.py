@@ -914,16 +914,12 @@ def _said_muscles(answer: str, doubtful: Mapping[str, MuscleLabel]) -> dict[str,
     return said
 
 
-LENGTH_UNITS = ("m", "cm", "mm", "um")
-"""Units of positions along a line."""
-
-
 def _of_muscles(layout: Layout, remarks: list[str]) -> Layout:
     """Return a layout of a study of muscles, which keeps EMG and the angles of the person only."""
 
     def is_of_muscles(role: ColumnRole) -> bool:
         # The position of a marker is no angle of a joint.
-        return role.quantity in ("emg", "angle") or (role.quantity == "position" and role.unit not in LENGTH_UNITS)
+        return role.quantity in ("emg", "angle") or (role.quantity == "position" and not role.is_length)
 
     others = [r for r in layout.channels if not is_of_muscles(r)]
     if others:
@@ -1334,7 +1330,7 @@ def duty_without_supply(
 def _motion(main: Layout, drive: str | None, turns: float) -> tuple[str, bool, str | None]:
     """Return whether the joint turns or slides, whether that is certain, and how gravity acts on it."""
     positions = [r for r in main.channels if r.quantity in ("position", "angle", "reference")]
-    lengths = [r for r in positions if r.unit in ("m", "mm", "cm", "um")]
+    lengths = [r for r in positions if r.is_length]
     if lengths:
         return "prismatic", all(r.unit_is_certain for r in lengths), None
     if not positions or any(r.unit_is_certain for r in positions) or drive is None:

@@ -42,9 +42,6 @@ MARK_GUESS = "GUESS"
 MARK_ASKED = "ASKED"
 """Word that begins the comment of a line that depends on a question whose default was taken."""
 
-LENGTH_UNITS = ("m", "mm", "cm", "um")
-"""Units of the position of a prismatic joint."""
-
 DEAD_BAND_WHY = "below this speed the sign of friction is uncertain"
 """Comment of a dead band."""
 
@@ -219,7 +216,7 @@ def _motion_of(proposal: Proposal, joint: str) -> str:
     if proposal.robot_joints is not None:
         return proposal.robot_joints.kinds[joint]
     roles = [r for r in proposal.main.channels if r.label == joint and r.quantity in ("position", "reference")]
-    lengths = [r.unit in LENGTH_UNITS for r in roles]
+    lengths = [r.is_length for r in roles]
     return ("prismatic" if lengths[0] else "rotary") if lengths else proposal.motion
 
 

@@ -58,6 +58,9 @@ from .motion_efforts import (
 DRIVE_QUANTITIES = ("torque", "force", "current", "voltage", "duty")
 """Quantities of a drive."""
 
+LENGTH_UNITS = ("m", "mm", "cm", "um")
+"""Units of positions along a line."""
+
 ESSENTIAL_QUANTITIES = (*DRIVE_QUANTITIES, "position", "motor_position", "angle", "moment", "emg")
 """Quantities that a study requires; a channel of another quantity is excluded if its unit is unknown."""
 
@@ -149,6 +152,11 @@ class ColumnRole:
     def is_guess(self) -> bool:
         """Whether the role or its unit is a guess that study.toml has to mark."""
         return self.quantity is not None and not (self.is_certain and self.unit_is_certain)
+
+    @property
+    def is_length(self) -> bool:
+        """Whether its unit is one of lengths."""
+        return self.unit in LENGTH_UNITS
 
     def in_unit(self, unit: str, why: str, is_certain: bool) -> ColumnRole:
         """Return the role with a unit, the reason for it, and whether it is certain."""

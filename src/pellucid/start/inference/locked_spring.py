@@ -84,7 +84,7 @@ def spring_of_tables(
     if main is None or main.keys or main.unit == "counts":
         return None
     names = [main.column] + [r.column for r in roles.roles if _is_further_angle(r, main)]
-    slides = main.unit_is_certain and main.unit in ("m", "mm", "cm", "um")
+    slides = main.unit_is_certain and main.is_length
     factor = to_si_factor(main.unit, None)[0] if main.unit_is_certain and not slides else None
     is_torque = effort.quantity == "torque" and effort.unit in ("N*m", "Nm")
     found: list[LockedSpring] = []
