@@ -1,5 +1,6 @@
 """Recordings made to harm: what crashes a library, unpacks without end, or points at another file."""
 
+import gzip
 import json
 import os
 import zlib
@@ -81,6 +82,14 @@ def test_a_small_file_does_not_swell(tmp_path):
     path = hdf5(tmp_path / "a.mat", q={"shape": (530_000_000,), "chunks": (1_000_000,), "compression": 9})
     assert path.stat().st_size < 10_000
     with pytest.raises(RecordingError, match=r"5.3e\+08 numbers in \d+ bytes, .* at most 128 MB; .*MOST_BYTES"):
+        read_columns(path)
+
+
+def test_a_packed_text_does_not_swell(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_bytes(gzip.compress(b'{"q": [1' + 130_000_000 * b" " + b"]}"))
+    assert path.stat().st_size < 200_000
+    with pytest.raises(RecordingError, match=r"found \d+ bytes that unpack to more, expected at most 128 MB .*MOST_BYTES"):
         read_columns(path)
 
 

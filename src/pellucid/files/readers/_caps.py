@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+import io
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -92,6 +94,19 @@ def require_unpacked_size(path: Path, numbers: float) -> None:
             f"{8e-6 * numbers:.3g} MB, expected at most {1e-6 * max_unpacked_bytes(path):.3g} MB; to read it all the "
             "same: PELLUCID_MOST_BYTES=NUMBER"
         )
+
+
+def unpacked_gzip(path: Path, content: bytes) -> bytes:
+    """Return what a file's `content`, packed by gzip, holds; raise a RecordingError if it is too much for its size."""
+    limit = int(max_unpacked_bytes(path))
+    with gzip.open(io.BytesIO(content)) as packed:
+        made = packed.read(limit + 1)
+    if len(made) > limit:
+        raise RecordingError(
+            f"{path.name}: found {path.stat().st_size} bytes that unpack to more, expected at most "
+            f"{1e-6 * limit:.3g} MB unpacked; to read it all the same: PELLUCID_MOST_BYTES=NUMBER"
+        )
+    return made
 
 
 def require_file_size(path: Path) -> None:

@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 import re
 import zlib
@@ -24,7 +23,7 @@ from ..._errors import RecordingError
 from ..personal_fields import PersonalField, find_personal_columns
 from ..stated_units import unit_from_text
 from ._acquisition_structs import plain_signals
-from ._caps import require_few_columns, require_unpacked_size
+from ._caps import require_few_columns, require_unpacked_size, unpacked_gzip
 from ._columns import Columns
 from ._flatten import flatten
 from ._row_streams import MAX_LABELS, ListCell, Words, split_streams
@@ -79,7 +78,7 @@ def _parsed(path: Path) -> Any:
     """Return the value of a JSON file, or the list of values that its lines hold."""
     content = path.read_bytes()
     # openhdemg packs its files and keeps their ending.
-    text = (gzip.decompress(content) if content.startswith(GZIP_SIGNATURE) else content).decode("utf-8-sig")
+    text = (unpacked_gzip(path, content) if content.startswith(GZIP_SIGNATURE) else content).decode("utf-8-sig")
     try:
         # Integers are read as floats, because JSON allows integers of any length.
         return json.loads(text, parse_int=float)
