@@ -66,6 +66,13 @@ def test_channels_of_acquisition_programs_have_rate_muscle_and_unit(tmp_path, wr
     assert proposal.rate == pytest.approx(RATE)
 
 
+def test_a_title_of_spike2_may_have_a_comma(tmp_path):
+    lines = ['"CHANNEL"\t"1"', '"Waveform"', '""', '"VL, right"', '"mV"', "", '"START"\t0.0\t0.001']
+    (tmp_path / "walk.txt").write_text("\n".join([*lines, *(f"{0.5 * k}" for k in range(40))]) + "\n")
+    found = read_columns(tmp_path / "walk.txt")
+    assert found.values["VL, right [mV]"] == pytest.approx(0.5 * np.arange(40))
+
+
 def test_blocks_of_labchart_are_recordings_of_their_own(tmp_path):
     _, x = bursts(seconds=6.0)
     flat = np.concatenate([x[:4000, 0], x[:4000, 1], x[4000:, 0], x[4000:, 1]])

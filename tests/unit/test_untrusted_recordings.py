@@ -89,7 +89,7 @@ def test_a_packed_text_does_not_swell(tmp_path):
     path = tmp_path / "a.json"
     path.write_bytes(gzip.compress(b'{"q": [1' + 130_000_000 * b" " + b"]}"))
     assert path.stat().st_size < 200_000
-    with pytest.raises(RecordingError, match=r"found \d+ bytes that unpack to more, expected at most 128 MB .*MOST_BYTES"):
+    with pytest.raises(RecordingError, match=r"found \d+ bytes that unpack to more, .* at most 128 MB .*MOST_BYTES"):
         read_columns(path)
 
 

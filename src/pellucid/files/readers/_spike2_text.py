@@ -17,7 +17,7 @@ def waveform_table(content: bytes) -> bytes | None:
 
     >>> block = '"CHANNEL"\\t"1"\\n"Waveform"\\n"a comment"\\n"VL"\\n"mV"\\n\\n"START"\\t0.5\\t0.001\\n1.5\\n2.5\\n'
     >>> waveform_table(block.encode()).splitlines()
-    [b'X [s],VL [mV]', b'0.5,1.5', b'0.501,2.5']
+    [b'X [s]\\tVL [mV]', b'0.5\\t1.5', b'0.501\\t2.5']
     """
     if CHANNEL_LINE.encode() not in content or b'"START"' not in content:
         return None
@@ -26,9 +26,10 @@ def waveform_table(content: bytes) -> bytes | None:
     heads: list[str] = []
     columns: list[list[str]] = []
     for first, last in zip(begins, [*begins[1:], len(lines)], strict=True):
-        at = next((i for i in range(first, last) if _START.fullmatch(lines[i])), None)
-        match = None if at is None else _START.fullmatch(lines[at])
-        if at is None or match is None:
+        at, match = next(
+            ((i, match) for i in range(first, last) if (match := _START.fullmatch(lines[i])) is not None), (last, None)
+        )
+        if match is None:
             continue
         # Above the values stand the kind, a comment, the title and the unit.
         texts = [found[1] for line in lines[first + 1 : at] if (found := _TEXT.fullmatch(line))]
@@ -40,4 +41,5 @@ def waveform_table(content: bytes) -> bytes | None:
     if not columns:
         return None
     rows = zip_longest(*columns, fillvalue="")
-    return "\n".join([",".join(heads), *map(",".join, rows), ""]).encode()
+    # A title may have commas.
+    return "\n".join(["\t".join(heads), *map("\t".join, rows), ""]).encode()

@@ -150,16 +150,16 @@ def _whole_or_parts(path: Path, file: BinaryIO, end: int | None, *, arrow: bool)
     """Return the columns of one table, or of the recordings that a file holds below each other under one header."""
     start = file.read(LABELLED_SAMPLE_BYTES)
     file.seek(0)
+    whole = -1 if end is None else end
     if plain_table(start) is not None:
-        plain = plain_table(file.read() if end is None else file.read(end))
+        plain = plain_table(file.read(whole))
         return read_table(path, io.BytesIO(start if plain is None else plain))
-    if table_without_units(start[: start.rfind(b"\n") + 1]) is not None:
-        plain = table_without_units(file.read() if end is None else file.read(end))
-        if plain is not None:
-            return read_table(path, io.BytesIO(plain))
-        file.seek(0)
-    if CHANNEL_LINE.encode() in start:
-        plain = waveform_table(file.read() if end is None else file.read(end))
+    rewrites = {
+        table_without_units: table_without_units(start[: start.rfind(b"\n") + 1]) is not None,
+        waveform_table: CHANNEL_LINE.encode() in start,
+    }
+    for rewrite in (each for each, is_likely in rewrites.items() if is_likely):
+        plain = rewrite(file.read(whole))
         if plain is not None:
             return read_table(path, io.BytesIO(plain))
         file.seek(0)
@@ -167,7 +167,7 @@ def _whole_or_parts(path: Path, file: BinaryIO, end: int | None, *, arrow: bool)
     if not found.values or any(isinstance(x, np.ndarray) for x in found.values.values()):
         return found
     file.seek(0)
-    parts = _repeated_tables(file.read() if end is None else file.read(end))
+    parts = _repeated_tables(file.read(whole))
     if not parts:
         return found
     made: dict[str, np.ndarray | str] = {}
