@@ -4,11 +4,12 @@ import dataclasses
 import re
 import shutil
 
+import numpy as np
 import pytest
 
 import pellucid
 from pellucid._errors import IdentificationError
-from pellucid.emg.study.isolated_muscle.isolated_muscle import isolated_muscle
+from pellucid.emg.study.isolated_muscle.isolated_muscle import _imposed, isolated_muscle
 from pellucid.study import datasets
 
 
@@ -71,6 +72,16 @@ def test_a_displacement_without_an_amplitude_is_the_measured_length(study, found
     """The file holds the displacement of the trial of 1 mm."""
     trials = isolated_muscle(edited(study, tmp_path / "s", AMPLITUDE, "")).trials
     assert {t.amplitude for t in trials} == {1e-3}
+
+
+def test_a_displacement_that_stays_at_0_imposes_none(study):
+    recording = study.recordings()[0]
+    stream = recording.streams["displacement"]
+    still = dataclasses.replace(stream.channels["displacement"], samples=np.zeros(len(stream)))
+    stream = dataclasses.replace(stream, channels={**stream.channels, "displacement": still})
+    _, imposed, amplitude = _imposed(dataclasses.replace(recording, streams={"displacement": stream}), study)
+    assert not imposed.any()
+    assert amplitude > 0.0
 
 
 def test_a_displacement_without_unit_and_amplitude_is_refused(study, tmp_path):

@@ -258,7 +258,7 @@ def _imposed(recording: Recording, study: Study) -> tuple[np.ndarray, np.ndarray
             f"{recording.name}, channel {table.displacement}: found the unit {unit} and no amplitude, expected a "
             "length, or the amplitude of the displacement in [[recordings]]"
         )
-    scale = 1.0 if amplitude is None else amplitude / largest
+    scale = 1.0 if amplitude is None or not largest else amplitude / largest
     time = np.arange(source.time[0], recording.time[-1] + SIMULATION_PERIOD_S, SIMULATION_PERIOD_S)
     return time, scale * np.interp(time, source.time, moved), largest if amplitude is None else amplitude
 
