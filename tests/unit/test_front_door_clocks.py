@@ -12,7 +12,7 @@ from pellucid.files.delay import _resample
 from pellucid.files.name_evidence import read_name
 from pellucid.files.readers._wall_clock import stamp_seconds
 from pellucid.files.readers.read import read_columns
-from pellucid.start.inference.clocks import find_clock_period
+from pellucid.start.inference.clocks import find_clock, find_clock_period
 from pellucid.start.init_from_files import init_from_files
 from pellucid.start.try_log import try_log
 from pellucid.units import to_si_factor
@@ -422,6 +422,13 @@ def test_a_clock_that_rolls_over_in_motion_has_no_gap(tmp_path):
     t, q, tau = swing(seconds=180.0, rate=50.0)
     found = proposed(written(tmp_path / "minute.csv", "time_s,angle_rad,torque_Nm", (t % 60.0, q, tau)))
     assert found.main.roles.clock.period == 60.0
+
+
+def test_two_clocks_that_roll_over_together_have_no_gap():
+    t = 0.01 * np.arange(20_000)
+    columns = {"time [s]": t % 60.0, "time_ms": (1000.0 * t) % 60_000.0, "q": np.sin(0.7 * t)}
+    found = find_clock(columns, [read_name(name) for name in columns])
+    np.testing.assert_allclose(found.seconds(columns[found.column]), t, atol=1e-9)
 
 
 def test_a_leap_across_the_gap_between_trials_is_no_rollover(tmp_path):

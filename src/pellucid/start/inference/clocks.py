@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -118,10 +118,12 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
     periods: dict[str, float] = {}
     restarts: set[str] = set()
     columns = dict(columns)
+    # Another clock starts again in the same rows, whether or not the motion goes on.
+    signals = [columns[evidence.name] for evidence in names if evidence.quantity not in ("time", "counter")]
     for evidence in names:
         values = columns[evidence.name]
         period = find_clock_period(values) if evidence.quantity in (None, "time", "counter") else None
-        if evidence.quantity == "time" and (span := _trial_period(values, period, columns)) is not None:
+        if evidence.quantity == "time" and (span := _trial_period(values, period, signals)) is not None:
             period = span
             restarts.add(evidence.name)
         if period is not None:
@@ -198,10 +200,11 @@ def find_clock_period(values: np.ndarray) -> float | None:
     return float(np.mean(fallen)) + usual if is_alike else None
 
 
-def _trial_period(values: np.ndarray, period: float | None, columns: Mapping[str, np.ndarray]) -> float | None:
+def _trial_period(values: np.ndarray, period: float | None, signals: Sequence[np.ndarray]) -> float | None:
     """Return a period that puts a gap between the trials of a clock, shape (n,), which starts again with each of them.
 
-    None for a clock that does not, and for one whose `period` rolls over: there, the motion goes on.
+    None for a clock that does not, and for one whose `period` rolls over: there, the motion goes on, which `signals`,
+    (n,) each, show.
     """
     known = np.flatnonzero(np.isfinite(values))
     x = values[known]
@@ -214,13 +217,13 @@ def _trial_period(values: np.ndarray, period: float | None, columns: Mapping[str
         return None
     if np.any(x[[0, *starts]] > x.min() + near):
         return None
-    if period is not None and not _has_jumps((own for own in columns.values() if own is not values), known[starts]):
+    if period is not None and not _has_jumps(signals, known[starts]):
         return None
     usual = float(np.median(rest[rest > 0.0])) if np.any(rest > 0.0) else 0.0
     return float(f"{float(np.ptp(x)) + TIME_LIMITS.trial_gap_steps * usual:.6g}") if usual else None
 
 
-def _has_jumps(columns: Iterable[np.ndarray], rows: np.ndarray) -> bool:
+def _has_jumps(columns: Sequence[np.ndarray], rows: np.ndarray) -> bool:
     """Whether one of some columns that moves smoothly jumps at most of some rows."""
     for x in columns:
         if len(x) <= rows[-1]:
