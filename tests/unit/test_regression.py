@@ -1,5 +1,6 @@
 """Least squares in its three forms: they find what is there, and refuse what is not."""
 
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from pellucid.joint.fit.friction_solver import solve_family, solve_robust, solve
 from pellucid.joint.fit.recording_agreement import enforce_pseudo_inertia, least_inertia
 from pellucid.joint.study.joint_faults import require_sign
 from pellucid.models.joint import JointModel, joint_model
+from pellucid.numerics import regression
 from pellucid.numerics.motion import Filtering
 from pellucid.numerics.regression import regression_rows, stack
 
@@ -68,6 +70,24 @@ def test_no_regressor_of_a_nonlinear_search_is_computed_twice(monkeypatch):
     jacobian, effort = regression_rows(which, found.values, data)
     assert found.jacobian == pytest.approx(jacobian, rel=1e-12)
     assert found.residual == pytest.approx(data.target - effort, abs=1e-12)
+
+
+def test_a_nonlinear_search_keeps_no_regressor_but_the_best(monkeypatch):
+    """Hours of data would not fit in memory once for each evaluation."""
+    made, alive = [], []
+
+    def rows(*arguments):
+        found = regression_rows(*arguments)
+        made.append(weakref.ref(found[0]))
+        alive.append(sum(each() is not None for each in made))
+        return found
+
+    which, data = model("load"), stack([motion_of(vector_of(load_motoring=0.08, load_generating=0.08))])
+    start = solve_family(which, data).values * 1.5
+    monkeypatch.setattr(regression, "regression_rows", rows)
+    regression.solve(which, data, start=start)
+    assert len(made) > 3
+    assert max(alive) == 2  # the best one, and the one that is tried
 
 
 def test_a_known_gravity_tells_motoring_from_generating_load_friction():

@@ -261,26 +261,32 @@ def _gauss_newton(
     # Parameters are scaled by the effort they make, so that tolerances mean the same in newtons, volts and amperes.
     size = float(np.linalg.norm(data.target * w))
     rows = regression_rows(model, start, data)
-    first = rows[0] * w[:, None]
-    require_full_rank(model.names, first, model.label)
-    scale = size / np.linalg.norm(first, axis=0)
+    weighted = rows[0] * w[:, None]
+    require_full_rank(model.names, weighted, model.label)
+    scale = size / np.linalg.norm(weighted, axis=0)
     low, high = lower / scale, upper / scale
     inside = np.clip(start / scale, low + 1e-6, np.where(np.isfinite(high), high - 1e-6, high))
-    # The search evaluates its start first.
-    made = {start.tobytes(): rows}
+    if not np.allclose(inside * scale, start, rtol=1e-15, atol=0.0):  # no more than rounding
+        rows = regression_rows(model, inside * scale, data)
+    # Regressors may be large: only the one with the least cost is kept, where the search ends.
+    least, best = np.inf, (inside, rows)
+    del rows, weighted
 
     def equations(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        values = x * scale
-        if values.tobytes() not in made:
-            made[values.tobytes()] = regression_rows(model, values, data)
-        jacobian, effort = made[values.tobytes()]
+        nonlocal least, best
+        jacobian, effort = best[1] if np.array_equal(x, best[0]) else regression_rows(model, x * scale, data)
         residual = (effort - data.target) * w / size
         slopes = jacobian * scale * (w / size)[:, None]
-        return 0.5 * float(residual @ residual), slopes.T @ residual, slopes.T @ slopes
+        cost = 0.5 * float(residual @ residual)
+        if cost <= least:
+            least, best = cost, (x, (jacobian, effort))
+        return cost, slopes.T @ residual, slopes.T @ slopes
 
     found = bounded_least_squares(equations, inside, low, high, iterations=most, tolerance=1e-14, damping=1e-6)
     values = found.x * scale
-    return values, made[values.tobytes()], found.evaluations, found.converged
+    # The search may reject values whose cost is lower by rounding alone.
+    rows = best[1] if np.array_equal(found.x, best[0]) else regression_rows(model, values, data)
+    return values, rows, found.evaluations, found.converged
 
 
 def nearest_feasible(
@@ -390,8 +396,7 @@ def make_parameters(
 
 
 def remember_last_call(function: Callable[[np.ndarray], tuple]) -> Callable[[np.ndarray], tuple]:
-    """Remember the last result of a `function` of one array, because SciPy asks for residual and Jacobian in two
-    calls."""
+    """Remember the last result of a `function` of one array: a search evaluates its start and its end again."""
     memory: dict[bytes, tuple] = {}
 
     def remembered(values: np.ndarray) -> tuple:
