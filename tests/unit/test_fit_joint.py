@@ -8,6 +8,7 @@ import pytest
 
 import pellucid as pl
 from pellucid._errors import IdentificationError, PellucidError
+from pellucid.joint.fit import estimators
 from pellucid.models.card import read_card, write_card
 
 T = np.arange(0.0, 30.0, 0.005)
@@ -262,3 +263,18 @@ def test_a_spring_on_a_bench_is_advised_in_words_of_arrays(size, rate_hz, stiffn
         "; if one end of a spring is locked, pellucid.propose writes a study of it from the same columns"
     )
     assert not [word for word in ("study.toml", "[[recordings]]", "protocol", "sign = ") if word in str(told.value)]
+
+
+def test_no_response_is_simulated_twice(monkeypatch, recorded):
+    asked, plain = [], estimators.replay
+
+    def replay(model, values, *arguments, differentiate=None, **options):
+        if differentiate:
+            asked.append(values.copy())
+        return plain(model, values, *arguments, differentiate=differentiate, **options)
+
+    monkeypatch.setattr(estimators, "replay", replay)
+    pl.fit_joint(T, *recorded, lowpass=10.0, decimate=5)
+    assert len(asked) > 2
+    for i, values in enumerate(asked):
+        assert not [other for other in asked[:i] if np.allclose(values, other, rtol=1e-12, atol=0.0)]

@@ -153,7 +153,8 @@ def solve_output_error(model: JointModel, data: Stack[Motion], machine: Machine,
             "the simulated response diverges at the least-squares estimate, so that no fit to simulations can start "
             "there; use the least-squares estimate, or check the sign and unit of the effort"
         )
-    scale = 1.0 / np.where(scale > 0.0, scale, 1.0)
+    # Powers of two round nothing: the search begins with the values that were simulated.
+    scale = np.exp2(-np.round(np.log2(np.where(scale > 0.0, scale, 1.0))))
 
     def equations(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         residual, jacobian = at(x * scale)
