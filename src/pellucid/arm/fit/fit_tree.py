@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...joint.fit.causes import ParallelSpring
 from ...models.causes import Cause
 from ...models.estimates import Parameter
 from ...models.joint import PARALLEL_STIFFNESS
@@ -455,8 +456,10 @@ def fit_best_model(
     return choice, lines, found, at
 
 
-def _springs_of_robot(at: LinearisedModel, found: TreeSolution, springs: Mapping[int, float]) -> dict[int, float]:
-    """Return those of `springs`, shares by joint, that predict left-out segments better in the model of all joints."""
+def _springs_of_robot(
+    at: LinearisedModel, found: TreeSolution, springs: Mapping[int, ParallelSpring]
+) -> dict[int, ParallelSpring]:
+    """Return those of `springs`, by joint, that predict left-out segments better in the model of all joints."""
     if not springs:
         return {}
     rows, model = at.rows, at.model
@@ -467,7 +470,7 @@ def _springs_of_robot(at: LinearisedModel, found: TreeSolution, springs: Mapping
     before, after = (
         left_out_joint_losses(sum_normal_equations(x).of_segments(present), found.sd).sum(axis=0) for x in (at, wide)
     )
-    return {k: share for k, share in springs.items() if after[k] <= (1.0 - MIN_IMPROVEMENT) ** 2 * before[k]}
+    return {k: spring for k, spring in springs.items() if after[k] <= (1.0 - MIN_IMPROVEMENT) ** 2 * before[k]}
 
 
 def rows_without_maker_effort(rows: TreeRows, motions: Sequence[TreeMotion]) -> TreeRows:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...joint.fit import causes, discrepancy, left_out_stretches, recording_agreement, turning_friction
-from ...models.causes import DELAY, DRIFT, PARALLEL_SPRING, POSITION_FRICTION, SATURATION, Cause
+from ...models.causes import DELAY, DRIFT, POSITION_FRICTION, SATURATION, Cause
 from ...models.friction_terms import COULOMB_FRICTION
 from ...models.joint import PARALLEL_STIFFNESS
 from ...models.robot import Robot
@@ -32,16 +32,17 @@ MIN_WEIGHT_SHARE = 1e-6
 """Gravity acts on a joint if its largest effort exceeds this share of the largest at any joint."""
 
 
-def find_parallel_springs(at: LinearisedModel, found: TreeSolution) -> dict[int, float]:
-    """Return the joints at which a spring acts in parallel to the drive, with the share of the residual explained.
+def find_parallel_springs(at: LinearisedModel, found: TreeSolution) -> dict[int, causes.ParallelSpring]:
+    """Return the springs that act in parallel to the drives, by joint.
 
-    `found` is the solution of the linearised model, which has no spring at these joints.
+    `found` is the solution of the linearised model. Joints with a spring in the model are not searched.
     """
-    made: dict[int, float] = {}
-    for k in _unexplained(at, found):
-        if PARALLEL_STIFFNESS in at.model.families[k]:
-            continue
-        weights = _weights(at.rows.robot, at.rows)
+    made: dict[int, causes.ParallelSpring] = {}
+    joints = [k for k in _unexplained(at, found) if PARALLEL_STIFFNESS not in at.model.families[k]]
+    if not joints:
+        return made
+    weights = _weights(at.rows.robot, at.rows)
+    for k in joints:
         stretches = _stretches(at, found, k, causes.SPRING_SETTINGS.slow_speed_share)
         turning, gap = _turning_columns(at.rows, k), _gap_pulses(at.rows, k, stretches.states.load)
         spring = causes.decide_parallel_spring(
@@ -49,16 +50,19 @@ def find_parallel_springs(at: LinearisedModel, found: TreeSolution) -> dict[int,
             causes.CAUSE_THRESHOLDS.min_effort_share,
         )  # fmt: skip
         if spring.is_found:
-            made[k] = spring.share
+            made[k] = spring
     return made
 
 
 def find_joint_causes(
-    at: LinearisedModel, found: TreeSolution, estimate: TreeEstimate, springs: Mapping[int, float]
+    at: LinearisedModel,
+    found: TreeSolution,
+    estimate: TreeEstimate,
+    springs: Mapping[int, causes.ParallelSpring],
 ) -> tuple[Cause, ...]:
     """Return the causes of what a solution misses at each joint, the one that explains most first.
 
-    `estimate` has the parameters of the solution. `springs` are shares that `find_parallel_springs` found.
+    `estimate` has the parameters of the solution. `springs` are those that `find_parallel_springs` found, by joint.
     """
     made, names = [], at.rows.robot.names
     for k in _unexplained(at, found):
@@ -72,11 +76,9 @@ def find_joint_causes(
         }
         told = causes.explain_residual(stretches, candidates, stretches.own_error)
         made += [replace(cause, joint=names[k]) for cause in told]
-    for k, share in springs.items():
+    for k, spring in springs.items():
         stiffness = estimate[f"{names[k]}.{PARALLEL_STIFFNESS}"]
-        low, high = stiffness.interval(estimate.confidence)
-        half = 0.5 * (high - low) if stiffness.standard_error > 0.0 else float("nan")
-        made.append(Cause(PARALLEL_SPRING, stiffness.value, stiffness.unit, share, half, names[k]))
+        made.append(causes.spring_cause(spring, stiffness, estimate.confidence, names[k]))
     return tuple(sorted(made, key=lambda cause: -cause.share))
 
 

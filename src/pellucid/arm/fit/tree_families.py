@@ -35,6 +35,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ...joint.fit.causes import ParallelSpring
 from ...models.friction_terms import DIRECTIONAL_FEATURE, STRIBECK_FRICTION
 from ...numerics.block_test import MIN_IMPROVEMENT, sign_flip_p_value
 from ...numerics.searches.scalar_search import minimise_on_interval
@@ -94,7 +95,7 @@ class FamilyChoice:
     families: tuple[tuple[str, ...], ...]  # terms of each joint
     speeds: dict[int, float]  # Stribeck velocity by joint [rad/s or m/s]
     taken: tuple[AddedTerm, ...]  # added terms in their order
-    springs: Mapping[int, float] = field(default_factory=dict)  # joints with a spring, and the share that it explains
+    springs: Mapping[int, ParallelSpring] = field(default_factory=dict)  # springs in parallel to drives, by joint
 
 
 @dataclass(frozen=True)

@@ -31,11 +31,13 @@ from ...models.causes import (
     DELAY,
     DRIFT,
     MISALIGNED_AXIS,
+    PARALLEL_SPRING,
     POSITION_FRICTION,
     SATURATION,
     WARM_UP,
     Cause,
 )
+from ...models.estimates import Parameter
 from ...models.friction_terms import grows_with_load
 from ...models.joint import PARALLEL_STIFFNESS, SYMBOLS_BY_NAME, JointModel
 from ...numerics.block_test import MIN_IMPROVEMENT, SIGNIFICANCE_LEVEL
@@ -80,6 +82,7 @@ class CauseThresholds:
 
 
 CAUSE_THRESHOLDS = CauseThresholds()
+
 
 @dataclass(frozen=True)
 class ParallelSpring:
@@ -146,6 +149,14 @@ def decide_parallel_spring(
             return ParallelSpring()
         may_twist = spring_adds < least
     return ParallelSpring(True, min(alone * stretches.own_error / reported, 1.0), may_twist)
+
+
+def spring_cause(spring: ParallelSpring, stiffness: Parameter, confidence: float, joint: str = "") -> Cause:
+    """Return a spring that was found as a cause, with its estimated `stiffness` and its interval at a `confidence`."""
+    low, high = stiffness.interval(confidence)
+    half = 0.5 * (high - low) if stiffness.standard_error > 0.0 else float("nan")
+    size, unit = float(stiffness.value), stiffness.unit
+    return Cause(PARALLEL_SPRING, size, unit, spring.share, half, joint, spring.may_twist)
 
 
 def _needs_spring(stretches: LeftOutColumns, position: Sequence[np.ndarray], few: Sequence[np.ndarray]) -> bool:

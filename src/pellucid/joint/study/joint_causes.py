@@ -9,14 +9,14 @@ import numpy as np
 
 from ...files.defects import clipped, sensor_range
 from ...files.recording import Recording
-from ...models.causes import PARALLEL_SPRING, SATURATION, Cause
+from ...models.causes import SATURATION, Cause
 from ...models.joint import PARALLEL_STIFFNESS
 from ...numerics.motion import Motion
 from ...numerics.regression import Stack, predict_effort_rows
 from ...study.drive_channel import drive_channel
 from ...study.recorded_motions import drive_model, motions_of
 from ...study.study import Study
-from ..fit.causes import ParallelSpring, find_causes
+from ..fit.causes import ParallelSpring, find_causes, spring_cause
 from ..fit.friction_family import FamilyFit
 from ..fit.joint_estimate import JointEstimate
 from .aligned_motions import align_recordings, find_alignments
@@ -36,11 +36,8 @@ def causes_of(study: Study, fit: FamilyFit, data: Stack[Motion], spring: Paralle
     delays = {name: moved.get(name, moved.get("", 0.0)) for name in names}
     found = list(find_causes(estimate.model, data, estimate.array, delays if any(delays.values()) else None))
     if spring.is_found and PARALLEL_STIFFNESS in estimate.model.names:
-        stiffness = fit.headline.estimate[PARALLEL_STIFFNESS]
-        low, high = stiffness.interval(fit.headline.estimate.confidence)
-        half = 0.5 * (high - low) if stiffness.standard_error > 0.0 else float("nan")
-        size, unit = float(stiffness.value), stiffness.unit
-        found.append(Cause(PARALLEL_SPRING, size, unit, spring.share, half, may_twist=spring.may_twist))
+        headline = fit.headline.estimate
+        found.append(spring_cause(spring, headline[PARALLEL_STIFFNESS], headline.confidence))
     known = {cause.name for cause in found}
     if SATURATION not in known:
         found += _cut_saturation(study, estimate)
