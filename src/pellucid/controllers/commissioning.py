@@ -20,6 +20,7 @@ from typing import Protocol
 import numpy as np
 
 from .._errors import PellucidError
+from ..models.fields import model_fields
 from .supervised import SupervisedLaw
 
 MIN_STARTS = 3
@@ -325,7 +326,7 @@ A rotor before a soft transmission follows a wave of frequency f too readily, by
 resonance: a wave of twice the duration has a quarter of that error.
 """
 
-LONGEST_HALF_WAVE = 200
+LONGEST_HALF_WAVE = next(each.upper for each in model_fields("supervisor") if each.name == "test_samples")
 """Largest number of periods in half a wave that the core accepts."""
 
 EMPTY_START_S = 1.2

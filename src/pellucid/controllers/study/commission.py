@@ -215,10 +215,9 @@ def _play(
     if robot is not None:
         ask("Make sure that nobody wears the robot and that the joint can move. Press Enter to apply power.")
         empty = record_starts(robot, law, START_COUNT, worn=False, wave_factor=DRIVE_WAVE_FACTOR)
-        if not wearer:
-            return empty, record_starts(robot, law, START_COUNT, worn=False)
-        ask("Put the robot on a relaxed wearer, who moves the joint for 20 s from the tenth start. Press Enter.")
-        return empty, record_starts(robot, law, START_COUNT, worn=True)
+        if wearer:
+            ask("Put the robot on a relaxed wearer, who moves the joint for 20 s from the tenth start. Press Enter.")
+        return empty, record_starts(robot, law, START_COUNT, worn=wearer)
     made = [plugin.value(study.folder) for plugin in load_plugins("pellucid.robots")]
     make = next((one for one in made if one is not None), None)
     if make is None:
