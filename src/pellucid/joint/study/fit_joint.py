@@ -32,7 +32,6 @@ from ..fit.joint_estimate import JointEstimate
 from ..fit.replay import Prediction, pool_errors, predict
 from .aligned_motions import Alignment, aligned_motions, find_alignments
 from .array_recordings import ArrayRecording, collect_recordings, hold_out
-from .held_joint import LOCKED_SPRING_ADVICE, LOCKED_SPRING_ADVICE_FOR_ARRAYS
 from .joint_faults import ReversedSignError
 from .joint_result import JointResult
 
@@ -415,10 +414,9 @@ def fit_joint(
         study = array_study(config, {each.name: _read_columns(each, config) for each in recordings}, where)
         found = run(study, "joint", joint={"families": families, "thorough": bool(thorough)})
     except ReversedSignError as error:
-        advice = f"; {LOCKED_SPRING_ADVICE_FOR_ARRAYS}" if LOCKED_SPRING_ADVICE in error.do else ""
         raise IdentificationError(
             f"{where}: effort: {error.found}: the effort has the opposite sign of the position, expected a positive "
-            f"effort to drive the joint in the positive direction; give -effort, or -position{advice}"
+            f"effort to drive the joint in the positive direction; give -effort, or -position{error.advice}"
         ) from None
     except PellucidError as error:
         raise _of_arrays(where, config, error) from None
@@ -435,7 +433,6 @@ def _of_arrays(where: str, config: StudyFile, error: PellucidError) -> PellucidE
     """Return an error of a study as one of the function `where`, in words of its arguments."""
     channel = next(name for name, spec in config.channels.items() if spec.column == "effort")
     text = re.sub(rf"\b(channels?|in) {channel}\b", r"\1 effort", str(error))
-    text = text.replace(LOCKED_SPRING_ADVICE, LOCKED_SPRING_ADVICE_FOR_ARRAYS)
     return type(error)(f"{where}: {text}")
 
 

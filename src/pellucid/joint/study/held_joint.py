@@ -11,22 +11,12 @@ from ..._errors import PellucidError
 from ...files.fault import Fault
 from ...files.recording import LOCKED_SPRING_PROTOCOL, Recording
 from ...numerics.spring_evidence import spring_evidence
+from ...study.array_study import ArrayStudy
 from ...study.recorded_motions import motions_of
 from ...study.study import Study
 
 MAX_POSTURE_RANGE_RAD = np.radians(0.5)
 """A joint whose angle stays within this range in a recording is held there [rad]."""
-
-
-LOCKED_SPRING_ADVICE = (
-    f'if one end of a spring is locked, state protocol = "{LOCKED_SPRING_PROTOCOL}" in every [[recordings]]'
-)
-"""How to state a spring on the bench in study.toml."""
-
-LOCKED_SPRING_ADVICE_FOR_ARRAYS = (
-    "if one end of a spring is locked, pellucid.propose writes a study of it from the same columns"
-)
-"""The same where recordings are arrays, which have no protocol."""
 
 
 def is_locked_spring(study: Study) -> bool:
@@ -42,7 +32,10 @@ def spring_advice(study: Study) -> str:
     """
     if is_locked_spring(study) or not (is_held_throughout(study) or _follows_position(study)):
         return ""
-    return LOCKED_SPRING_ADVICE
+    done = f'state protocol = "{LOCKED_SPRING_PROTOCOL}" in every [[recordings]]'
+    if isinstance(study, ArrayStudy):  # it has no file in which to state a protocol
+        done = "pellucid.propose writes a study of it from the same columns"
+    return f"if one end of a spring is locked, {done}"
 
 
 def with_spring_advice(study: Study, faults: Sequence[Fault]) -> list[Fault]:

@@ -46,11 +46,12 @@ by judgement; no measurement is recorded."""
 
 
 class ReversedSignError(IdentificationError):
-    """The effort of recordings has the opposite sign of their position: `found`, in words, and what to `do`."""
+    """The effort of recordings has the opposite sign of their position: `found`, in words, what to `do`, and `advice`
+    on what else the recordings may be."""
 
-    def __init__(self, found: str, do: str):
-        super().__init__(f"{found}: {do}")
-        self.found, self.do = found, do
+    def __init__(self, found: str, do: str, advice: str = ""):
+        self.found, self.do, self.advice = found, do, f"; {advice}" if advice else ""
+        super().__init__(f"{found}: {do}{self.advice}")
 
 
 def require_sign(model: JointModel, data: Stack, channel: str | None) -> None:

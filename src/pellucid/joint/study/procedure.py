@@ -83,7 +83,7 @@ def run(
         if not advice:
             raise
         if isinstance(error, ReversedSignError):
-            raise ReversedSignError(error.found, f"{error.do}; {advice}") from error
+            raise ReversedSignError(error.found, error.do, advice) from error
         raise IdentificationError(f"{error}; {advice}") from error
 
 
