@@ -60,7 +60,7 @@ class FrictionCoefficient:
     upper: float = np.inf  # largest physical value
     targets: tuple[str, ...] = ()  # numbers of the core that take its value; empty: the one of the same name
     grows_with_load: bool = False  # whether its column is multiplied by |y| where it is used
-    is_linear: bool = False  # whether a filter of the speed is a filter of the column
+    is_linear: bool = False  # whether a filter of the speed, or position, is a filter of the column
     of_position: bool = False  # whether the column is one of the position, and no friction
 
     @classmethod
@@ -73,11 +73,11 @@ class FrictionCoefficient:
         return cls(column, unit, upper=upper, targets=term.targets, grows_with_load=grows, is_linear=is_linear)
 
     def rows(self, motion: TreeMotion, turn: np.ndarray, width: float, speed: float) -> np.ndarray:
-        """Return the column, (n,), of the speed velocity @ `turn` of a motion, filtered as its effort is."""
-        if self.of_position:
-            return motion.position @ turn
+        """Return the column, (n,), of the speed velocity @ `turn` of a motion, or of its position @ `turn`, filtered as
+        its effort is."""
         if self.is_linear:
-            return self.column(motion.velocity @ turn, width, speed)
+            signal = motion.position if self.of_position else motion.velocity
+            return self.column(signal @ turn, width, speed)
         return motion.friction(lambda v: self.column(v, width, speed), turn)
 
 
@@ -193,7 +193,7 @@ def _sum_columns(
     """Return the sum, (count,), of friction coefficients times their columns, made for each Stribeck velocity."""
     total: np.ndarray = np.zeros(count)
     for name, value in numbers.items():
-        if name in (STRIBECK_VELOCITY_NAME, PARALLEL_STIFFNESS):
+        if name == STRIBECK_VELOCITY_NAME or FRICTION_COEFFICIENTS[name].of_position:
             continue
         coefficient = FRICTION_COEFFICIENTS[name]
         part = value * column(coefficient, numbers.get(STRIBECK_VELOCITY_NAME, np.nan))
