@@ -173,7 +173,7 @@ class LeftOutColumns:
         others = np.arange(self.jacobian.shape[1]) != self.stiffness[0]
         wide = np.column_stack([_with_unit_columns(self.jacobian[np.ix_(self._rows, others)]), self._beside])
         scales, vectors = np.linalg.eigh(wide.T @ wide)
-        kept = scales > 1e-10 * scales[-1]
+        kept = scales > MIN_RELATIVE_EIGENVALUE * scales[-1]
         basis = wide @ (vectors[:, kept] / np.sqrt(scales[kept]))
         target = self._target + self.stiffness[1] * position
         apart, target = (x - basis @ (basis.T @ x) for x in (position, target))
