@@ -75,8 +75,7 @@ def _body_of(card: Card, slider: float | None, taken: Callable[[CardParameter], 
         if not isinstance(model, SliderJointModel):
             raise PellucidError(
                 f"model card '{card.family}': found separate parameters for each direction, which do not describe a "
-                "rigid "
-                "body; expected slider.consistent.json or slider.load.json"
+                "rigid body; expected slider.consistent.json or slider.load.json"
             )
         vector = model.vector(np.array([taken(p) for p in card.parameters]), place_on_rail(card, slider), 1.0)
         body = dict(zip(NAMES, map(float, vector), strict=True))

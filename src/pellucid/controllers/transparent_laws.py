@@ -206,8 +206,8 @@ def known_travel(card: SliderCard) -> float:
     if measured is None:
         raise PellucidError(
             f"model card '{card.family}': found no presliding_travel, expected one, because the amplitude of dither "
-            "depends on "
-            'it. Record slow reversals (protocol = "reversals") and identify again, or use the controller transparent'
+            'depends on it. Record slow reversals (protocol = "reversals") and identify again, or use the controller '
+            "transparent"
         )
     if not max(measured.value, measured.interval[1]) <= DITHER_TRAVEL:
         low, high = (1e3 * x for x in measured.interval)

@@ -211,7 +211,8 @@ def read_table(path: Path) -> dict:
         more = f" and {len(others) - MAX_NAMED_CARDS} more" if len(others) > MAX_NAMED_CARDS else ""
         named = ", ".join(others[:MAX_NAMED_CARDS])
         raise PellucidError(
-            f"{path}: no such model card; found {named}{more}, expected a study.toml that asks `identify` for it"
+            f"{path}: no such model card; found {named}{more} in its folder, expected one of these, or a study.toml "
+            "with the procedure that identifies it"
         ) from None
     except (ValueError, RecursionError) as error:
         if isinstance(error, PellucidError):
@@ -220,7 +221,7 @@ def read_table(path: Path) -> dict:
     version = table.get("format") if isinstance(table, dict) else None
     if not isinstance(version, int):
         raise PellucidError(
-            f"{path}: not a model card: found no whole number \"format\", expected what identify writes"
+            f'{path}: not a model card: found no whole number "format", expected a file that `identify` wrote'
         )
     if version > CARD_FORMAT:
         raise PellucidError(

@@ -38,7 +38,7 @@ def fields_of(kind: type, table: Any, *, missing: bool = False) -> dict[str, Any
         raise ValueError(f"found the unknown key {_short(unknown[0])}, expected some of {', '.join(known)}")
     lacking = [n for n, f in known.items() if n not in table and f.default is MISSING and f.default_factory is MISSING]
     if lacking:
-        raise ValueError(f"lacks {', '.join(lacking)}, expected each")
+        raise ValueError(f"found no {', '.join(lacking)}, expected every required key")
     return {name: _typed(hints[name], value, name, missing) for name, value in table.items()}
 
 

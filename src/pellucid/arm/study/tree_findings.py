@@ -63,8 +63,8 @@ def report_causes(case: TreeResult) -> Iterator[Verdict]:
 
 
 SPRING_ADVICE = (
-    "The model has a separate term for it. Cards and controllers of robots have none: to compensate the joint, record "
-    "it without the hose or cable."
+    "The model has a separate term for it. Model cards and controllers of several joints have no such term: to "
+    "compensate the joint, record it without the hose or cable."
 )
 """Advice on a parallel spring that was found."""
 
