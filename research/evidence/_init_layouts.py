@@ -24,7 +24,8 @@ from pathlib import Path
 
 from pellucid.files.stated_units import split_unit
 from pellucid.start.given_files import read_given
-from pellucid.start.propose_study import Proposal, propose_study
+from pellucid.start.proposal import Proposal
+from pellucid.start.propose_study import propose_study
 from pellucid.start.study_text import study_text
 from pellucid.study.datasets.registry import template
 from pellucid.study.results import ResultRow

@@ -166,7 +166,7 @@ def init(
 def _init_from(folder: Path, files: list[Path], others: dict[str, Any], *, yes: bool, answer: list[str]) -> None:
     """Propose a study for files, ask what they cannot tell unless `yes`, and print what `check` found in it."""
     from .start.init_from_files import ProposedStudy, proposal_lines
-    from .start.propose_study import Question
+    from .start.proposal import Question
     from .start_study import init as run
 
     out = make_console()

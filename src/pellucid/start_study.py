@@ -17,7 +17,7 @@ from .study import datasets
 
 if TYPE_CHECKING:
     from .start.init_from_files import ProposedStudy
-    from .start.propose_study import Question
+    from .start.proposal import Question
     from .study.study import Study
 
 

@@ -26,7 +26,8 @@ from pellucid.start.inference.motion_efforts import (
     motion_samples,
     weigh_turns,
 )
-from pellucid.start.propose_study import MAX_QUESTION_COUNT, propose_study
+from pellucid.start.proposal import MAX_QUESTION_COUNT
+from pellucid.start.propose_study import propose_study
 from pellucid.start.study_text import study_text
 from pellucid.units import to_si_factor
 

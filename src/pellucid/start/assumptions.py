@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Iterator
 
 from ..study.answer import Assumption
-from .propose_study import Proposal
+from .proposal import Proposal
 from .study_text import MARK_GUESS, channel_mark, channel_name, defaults_of, is_turned_effort
 
 _GUESS_BEHIND_LINE = re.compile(rf"(?P<line>[^#\s].*?)  # {MARK_GUESS}(?:: (?P<why>.*))?")

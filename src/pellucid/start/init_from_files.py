@@ -23,10 +23,9 @@ from ..study.procedures.registry import open_study
 from ..study.procedures.run import check
 from ..study.study import STUDY_FILE
 from .given_files import GivenFiles, read_given
+from .proposal import Proposal, Question
 from .proposal_page import files_page, proposal_page, unmade_page
 from .propose_study import (
-    Proposal,
-    Question,
     accepted_units,
     has_accepted_unit,
     propose_study,

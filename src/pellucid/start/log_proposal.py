@@ -19,7 +19,8 @@ from ..units import parse_quantity
 from .given_columns import columns_of_arrays, is_table, write_columns
 from .given_files import GivenFiles, GivenTable, read_given, tables_of_columns
 from .init_from_files import copy_file, make_study, study_name
-from .propose_study import Layout, Proposal, Question, propose_study
+from .proposal import Layout, Proposal, Question
+from .propose_study import propose_study
 from .study_text import channel_mark, channel_name
 
 if TYPE_CHECKING:

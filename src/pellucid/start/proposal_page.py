@@ -21,7 +21,7 @@ from ..study.pages.page import Page, Section, Tile, without_drawing
 from .given_files import GivenFiles, GivenTable
 from .inference.assign_roles import ColumnRole
 from .inference.processing_choice import ProcessingChoice
-from .propose_study import Layout, Proposal
+from .proposal import Layout, Proposal
 from .study_text import channel_mark, channel_name, defaults_of
 
 MAX_PANELS_IN_FIGURE = 12

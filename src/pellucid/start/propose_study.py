@@ -6,8 +6,8 @@ The proposal asks at most five questions, the most important first; each has a d
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations, takewhile
 from pathlib import Path
 
@@ -17,11 +17,9 @@ from .._errors import StudyError
 from ..files.clock import first_deliveries
 from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
 from ..files.file_facts import FileFact, find_drive_facts, find_encoder_counts, find_rate
-from ..files.muscle_names import MIN_SURE_CONFIDENCE, MuscleLabel, settle_muscles
 from ..files.name_evidence import (
     MACHINE_WORDS,
     NameEvidence,
-    emg_muscle_label,
     quantity_of_unit,
     read_name,
     with_stated_unit,
@@ -75,45 +73,19 @@ from .inference.processing_choice import (
     find_lost_periods,
 )
 from .match_robot_joints import RobotJoints, joints_remarks, match_robot_joints
-
-MAX_QUESTION_COUNT = 5
-"""Largest number of questions that are asked; study.toml marks every other uncertain choice."""
-
-QUESTION_ORDER = (
-    "rate", "effort", "rated", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
-    "lever_arm", "command_followed", "emg_unit", "muscles", "worn", "drive_constant", "payload", "angle_zero",
-)  # fmt: skip
-"""Questions in order of importance: the first changes the results most."""
-
-SCALE_QUESTIONS = frozenset({
-    "rate", "effort", "rated", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
-    "command_followed",
-})  # fmt: skip
-"""Questions that decide the scale of every result."""
-
-
-NO_ANSWERS = ("not certain", "unknown")
-"""Answers that leave a question open, as its default does."""
-
-CHOSEN_KEYS = frozenset({"command_followed", "worn", "angle_zero"})
-"""Questions that accept only the listed choices as answers."""
-
-
-@dataclass(frozen=True)
-class Question:
-    """Question about a fact that the files do not contain."""
-
-    key: str  # short name of the question, used with --answer
-    text: str  # the question
-    default: str  # answer that --yes takes
-    consequence: str  # results that depend on the answer
-    choices: tuple[str, ...] = ()  # accepted answers; empty for any
-
-
-def select_questions(questions: Iterable[Question]) -> tuple[tuple[Question, ...], tuple[Question, ...]]:
-    """Return the questions that are asked, by importance, and those that are only marked."""
-    ranked = sorted(questions, key=lambda question: QUESTION_ORDER.index(question.key))
-    return tuple(ranked[:MAX_QUESTION_COUNT]), tuple(ranked[MAX_QUESTION_COUNT:])
+from .muscle_labels import muscle_questions, said_muscles, with_muscles, with_settled_muscles
+from .proposal import (
+    CHOSEN_KEYS,
+    NO_ANSWERS,
+    SAID_BY_LAB,
+    UNKNOWN_SUPPLY,
+    Layout,
+    Proposal,
+    ProposedRecording,
+    Question,
+    find_motor_turns,
+    select_questions,
+)
 
 
 @dataclass(frozen=True)
@@ -163,102 +135,6 @@ class ProposalLimits:
 
 PROPOSAL_LIMITS = ProposalLimits()
 
-SAID_BY_LAB = "said by the lab"
-"""Source of a value that an answer gives."""
-
-UNKNOWN_SUPPLY = FileFact(1.0, "V", "the supply voltage is unknown: efforts are fractions of the full duty cycle")
-"""Supply of a duty cycle if no file states its voltage."""
-
-
-@dataclass(frozen=True, eq=False)
-class Layout:
-    """Tables with the same columns, and the roles of these."""
-
-    tables: tuple[GivenTable, ...]
-    roles: TableRoles
-    stream: str = ""  # name of the stream, empty for the main layout
-    rate_fact: FileFact | None = None
-
-    @property
-    def channels(self) -> tuple[ColumnRole, ...]:
-        """Roles of the columns that become channels."""
-        return tuple(role for role in self.roles.roles if role.quantity is not None)
-
-    def with_each(self, change: Callable[[ColumnRole], ColumnRole]) -> Layout:
-        """Return the layout with every role changed."""
-        return replace(self, roles=replace(self.roles, roles=tuple(map(change, self.roles.roles))))
-
-    def with_changes(self, is_meant: Callable[[ColumnRole], bool], **changes: object) -> Layout:
-        """Return the layout with `changes` of the roles that are meant."""
-        return self.with_each(lambda role: replace(role, **changes) if is_meant(role) else role)
-
-    def column_in(self, table: GivenTable, column: str) -> str:
-        """Return the name that another table of the layout has for a column of the first one."""
-        return list(table.columns)[list(self.tables[0].columns).index(column)]
-
-
-@dataclass(frozen=True, eq=False)
-class ProposedRecording:
-    """One recording of the proposed study."""
-
-    name: str
-    table: GivenTable
-    streams: Mapping[str, GivenTable] = field(default_factory=dict)
-    use: str = "fit"
-    window: tuple[float, float] | None = None  # on the file's own clock [s]
-    participant: str | None = None
-    condition: str | None = None
-    protocol: str | None = None
-    columns: Mapping[str, str] = field(default_factory=dict)  # columns that differ from the first recording's
-    extras: tuple[ColumnRole, ...] = ()  # channels that this recording alone has
-    why: str = ""  # reason for its use or window
-
-
-@dataclass(frozen=True, eq=False)
-class Proposal:
-    """A study that is proposed, with everything that study.toml and the page say of it."""
-
-    name: str
-    main: Layout
-    streams: tuple[Layout, ...]
-    recordings: tuple[ProposedRecording, ...]
-    motion: str  # "rotary" or "prismatic"
-    motion_is_certain: bool
-    drive: str | None  # kind of the drive, None without one
-    drive_facts: Mapping[str, FileFact]
-    gravity: str | None
-    is_person: bool
-    is_worn: bool
-    asked: tuple[Question, ...]
-    marked: tuple[Question, ...]
-    answers: Mapping[str, str]
-    processing: ProcessingChoice | None
-    given: GivenFiles
-    remarks: tuple[str, ...]  # what was left out and noticed
-    repeated: RepeatedMotion | None = None
-    robot_joints: RobotJoints | None = None  # how the joints lie in the robot's file, None without one
-    spring: LockedSpring | None = None  # the spring on the bench that the recordings show
-    doubtful_muscles: frozenset[str] = frozenset()  # columns whose labels name several muscles
-
-    @property
-    def rate(self) -> float | None:
-        """Sampling rate of the main files [Hz]."""
-        return self.main.roles.rate
-
-    @property
-    def motor_turns(self) -> float:
-        """How often a motor turns for a turn of its joint; 1 where the joint's own position was measured."""
-        return 1.0 if _measures_joint(self.main) else _motor_turns(self.answers, self.drive_facts)
-
-    @property
-    def summary(self) -> str:
-        """Number of recordings and their rate, in words, and the number of parts if one recording is split."""
-        whole = len({id(recording.table) for recording in self.recordings})
-        rate = f"{self.rate:.5g} Hz" if self.rate else "an unknown sampling rate"
-        parts = f", in {len(self.recordings)} parts" if len(self.recordings) > whole else ""
-        return f"{whole} recording{'' if whole == 1 else 's'} at {rate}{parts}"
-
-
 def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | None = None) -> Proposal:
     """Return a proposal for files that were read; `answers` replace the defaults of questions by their keys."""
     answered = set(answers or {})
@@ -272,7 +148,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     about_muscles = is_about_muscles(layouts)
     if about_muscles:
         layouts = [_of_muscles(layout, remarks) for layout in layouts]
-    layouts, doubtful = _with_settled_muscles(layouts)
+    layouts, doubtful = with_settled_muscles(layouts)
     main = max(layouts, key=_merit)
     person = about_muscles or _is_person(main, layouts)
     others = [layout for layout in layouts if layout is not main]
@@ -289,7 +165,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     if spring is not None:
         main = replace(main, roles=with_locked_spring(main.roles, spring))
         recordings = [replace(r, protocol=LOCKED_SPRING_PROTOCOL) for r in recordings]
-    turns = _motor_turns(answers, facts)
+    turns = find_motor_turns(answers, facts)
     motion, motion_sure, gravity = _motion(main, drive, turns)
     if spring is not None:
         motion, gravity = ("rotary", "none") if _is_torque(main, drive) else (motion, "none")
@@ -309,7 +185,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     questions = list(
         _questions(main, streams, recordings, drive, facts, person, repeated, gravity, gear, bool(given.robots))
     )
-    questions += _muscle_questions(doubtful)
+    questions += muscle_questions(doubtful)
     possible = {question.key for question in questions}
     if unit_from_text(answers.get("position_unit", "")) == "counts" and "counts_per_turn" not in possible:
         questions.append(_counts_question(ANGLE_LIMITS.usual_counts))
@@ -327,8 +203,8 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         raise StudyError(f"found an answer to {', '.join(sorted(unknown))}, {expected}")
     _require_chosen(questions, answers)
     if "muscles" in answers:
-        said = _said_muscles(answers["muscles"], doubtful)
-        main, *streams = (_with_muscles(layout, said) for layout in (main, *streams))
+        said = said_muscles(answers["muscles"], doubtful)
+        main, *streams = (with_muscles(layout, said) for layout in (main, *streams))
     main, streams, drive, motion, gravity, facts = _apply(answers, main, streams, drive, motion, gravity, dict(facts))
     if motion == "rotary" and gravity in (None, "none") and {"counts_per_turn", "position_unit"} & set(answers):
         gravity = _gravity(main, drive, turns)
@@ -427,7 +303,7 @@ def require_turns_of_motors(proposal: Proposal) -> None:
             f'"{motor}" turns {turns:.4g} times as far as the joint; expected the turns of the motor for a turn of the '
             f'joint if the torque is the motor\'s, and 1 if it is the joint\'s: --answer "gear_turns={turns:.4g}"'
         )
-    if proposal.motor_turns != 1.0 or _measures_joint(proposal.main):
+    if proposal.motor_turns != 1.0 or proposal.main.measures_joint:
         return
     motors = (r for r in proposal.main.channels if r.quantity == "motor_position")
     role = next((r for r in motors if _needs_gear(r, proposal)), None)
@@ -851,67 +727,6 @@ def is_about_muscles(layouts: Sequence[Layout]) -> bool:
     efforts = quantities & {*DRIVE_QUANTITIES, "moment"}
     is_isometric = efforts == {"force"} and not quantities & {"position", "motor_position", "angle", "reference"}
     return "emg" in quantities and (not efforts or is_isometric)
-
-
-def _with_settled_muscles(layouts: Sequence[Layout]) -> tuple[list[Layout], dict[str, MuscleLabel]]:
-    """Return layouts whose EMG has the muscles that all labels together tell, and the labels that stay doubtful."""
-    roles = {r.column: r for layout in layouts for r in layout.channels if r.quantity == "emg"}
-    found = {column: emg_muscle_label(column) for column in roles}
-    # A file may state the muscle beside its label.
-    own = {c: label for c, label in found.items() if label is not None and roles[c].label == label.name}
-    settled = settle_muscles(own)
-    moved = {column: label for column, label in settled.items() if label.name != own[column].name}
-    doubtful = {column: label for column, label in settled.items() if label.confidence < MIN_SURE_CONFIDENCE}
-
-    def with_confidence(role: ColumnRole) -> ColumnRole:
-        label = settled.get(role.column)
-        if label is None or role.quantity != "emg" or label.confidence >= 1.0:
-            return role
-        return replace(role, why=f"{role.why}; muscle by its label, with a confidence of {label.confidence:g}")
-
-    named = (_with_muscles(layout, moved) for layout in layouts)
-    return [layout.with_each(with_confidence) for layout in named], doubtful
-
-
-def _with_muscles(layout: Layout, labels: Mapping[str, MuscleLabel]) -> Layout:
-    """Return a layout whose columns of EMG have the muscles of `labels`, by column."""
-    taken = {role.label for role in layout.channels if role.column not in labels}
-
-    def named(role: ColumnRole) -> ColumnRole:
-        label = labels.get(role.column)
-        if label is None or role.quantity != "emg" or label.name in taken:
-            return role
-        taken.add(label.name)
-        return replace(role, label=label.name)
-
-    return layout.with_each(named) if labels else layout
-
-
-def _muscle_questions(doubtful: Mapping[str, MuscleLabel]) -> list[Question]:
-    """Return the question about the labels that name several muscles, if there are any."""
-    if not doubtful:
-        return []
-    listed = "; ".join(f'"{column}": {label.muscle} or {", ".join(label.others)}' for column, label in doubtful.items())
-    return [
-        Question(
-            "muscles",
-            f"Which muscles do these labels name? {listed}",
-            ", ".join(f"{column} = {label.muscle}" for column, label in doubtful.items()),
-            "the muscle's name in all results, and its place in models of the leg",
-        )
-    ]
-
-
-def _said_muscles(answer: str, doubtful: Mapping[str, MuscleLabel]) -> dict[str, MuscleLabel]:
-    """Return the muscles that an answer such as ``GM = gluteus_medius`` gives, by column."""
-    said = {}
-    for part in filter(None, map(str.strip, re.split(r"[,;]", answer))):
-        column, _, muscle = (text.strip() for text in part.partition("="))
-        muscle = re.sub(r"[\s-]+", "_", muscle).lower()
-        if column not in doubtful or not re.fullmatch(r"[a-z][a-z0-9_]*", muscle):
-            raise StudyError(f"muscles: found {part!r}, expected a muscle for {', '.join(doubtful)}, as in GM = soleus")
-        said[column] = replace(doubtful[column], muscle=muscle, others=())
-    return said
 
 
 def _of_muscles(layout: Layout, remarks: list[str]) -> Layout:
@@ -1350,13 +1165,6 @@ def _motion(main: Layout, drive: str | None, turns: float) -> tuple[str, bool, s
     return "rotary", False, gravity
 
 
-def _motor_turns(answers: Mapping[str, str], facts: Mapping[str, FileFact]) -> float:
-    """Return how often a motor turns for a turn of its joint, by an answer or by what a file states; else 1."""
-    if "gear_turns" in answers:
-        return parse_quantity(answers["gear_turns"], "1", "gear_turns")
-    return facts["gear_ratio"].value if "gear_ratio" in facts else 1.0
-
-
 def _gravity(main: Layout, drive: str | None, turns: float) -> str | None:
     """Return the gravity term: ``"none"`` if the sine of the angle explains nothing of the effort, else with a free
     zero. A motor turns `turns` times for a turn of its joint."""
@@ -1385,10 +1193,6 @@ def _gravity(main: Layout, drive: str | None, turns: float) -> str | None:
         return "sine+cosine"
     gain = weighed.left_share("none") - weighed.left_share(role.unit)
     return "sine+cosine" if gain > PROPOSAL_LIMITS.min_gravity_share or weighed.beats(role.unit, "none") else "none"
-
-
-def _measures_joint(main: Layout) -> bool:
-    return any(r.quantity == "position" for r in main.channels)
 
 
 def _measures_angle(main: Layout) -> bool:
@@ -1713,7 +1517,7 @@ def _scaled(role: ColumnRole, factor: float, why: str) -> ColumnRole:
 def _gear_turns(gear: FoundGear, answers: Mapping[str, str], facts: Mapping[str, FileFact]) -> float:
     """Return how often a motor turns for a turn of its joint where a torque is the motor's, and 1 where it is not."""
     if "gear_turns" in answers or (gear.is_named and "gear_ratio" in facts):
-        return _motor_turns(answers, facts)
+        return find_motor_turns(answers, facts)
     return gear.turns if gear.is_named else 1.0
 
 
@@ -1774,12 +1578,12 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             "inertia, gravity and friction, and whether efforts are torques or forces",
             ("deg", "rad", "turn", "counts", "m", "mm"),
         )
-    if not _measures_joint(main) and any(r.quantity == "motor_position" for r in main.channels):
+    if not main.measures_joint and any(r.quantity == "motor_position" for r in main.channels):
         yield Question(
             "gear_turns",
             "What is the gear ratio: how many motor turns make one turn of the joint (1 without a gear)? The positions "
             "are those of motors.",
-            f"{_motor_turns({}, facts):g}",
+            f"{find_motor_turns({}, facts):g}",
             "every angle, inertia and torque of the joints",
         )
     elif gear is not None and gear.efforts and not (gear.is_named and "gear_ratio" in facts):

@@ -24,17 +24,16 @@ from .inference.assign_roles import DRIVE_QUANTITIES, ColumnRole
 from .inference.clocks import find_clock
 from .inference.encodings import decode_counts
 from .inference.processing_choice import choose_processing
-from .propose_study import (
+from .proposal import (
     NO_ANSWERS,
-    PROPOSAL_LIMITS,
     SAID_BY_LAB,
     SCALE_QUESTIONS,
     UNKNOWN_SUPPLY,
     Layout,
     Proposal,
     ProposedRecording,
-    has_open_counts,
 )
+from .propose_study import PROPOSAL_LIMITS, has_open_counts
 
 MARK_GUESS = "GUESS"
 """Word that begins the comment of a line that evidence does not decide."""

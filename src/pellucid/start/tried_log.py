@@ -9,7 +9,7 @@ from ..models.estimates import Parameter, Verdict, rank_verdicts
 from ..study.answer import Answer, Assumption, Step
 from ..study.procedures.result import HeldOutEffort, Result
 from ..study.study import Study
-from .propose_study import NO_ANSWERS, Proposal
+from .proposal import NO_ANSWERS, Proposal
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any
 from ..study.answer import answer_lines
 from ..study.results import finite_row, row_table
 from .inference.assign_roles import ColumnRole
-from .propose_study import Layout
+from .proposal import Layout
 from .study_text import channel_name
 from .tried_log import TriedLog
 from .try_page import parameter_rows
