@@ -224,7 +224,7 @@ def exchanged_findings(
     found = {}
     for i, j in pairs:
         for own, other in ((i, j), (j, i)):
-            said = f"it shows what {named[other]} shows in {beside}, and {named[other]} what it shows there"
+            said = f"it has the signal of {named[other]} in {beside}, and {named[other]} has the signal of this channel"
             found[named[own]] = EmgFinding(named[own], "exchanged", 0.0, end, 1.0, CONSEQUENCES["exchanged"], said)
     return found
 
@@ -236,7 +236,8 @@ def own_maximum_finding(name: int | str, x: np.ndarray, rate: float, unit: str) 
     one = 1.0 if unit == "1" else 100.0
     if abs(top - one) > max(_converter_step(known), 1e-9 * one):
         return None
-    kind, said = "normalised_per_trial", "its largest value is exactly its own maximum"
+    kind = "normalised_per_trial"
+    said = f"its largest value is exactly {one:g}{' %' if unit == '%' else ''}: it was divided by its own maximum"
     return EmgFinding(name, kind, 0.0, len(x) / rate, top, CONSEQUENCES[kind], said)
 
 

@@ -1,8 +1,8 @@
 """Scale of envelopes from raw EMG of maximal contractions, and its interval.
 
 Raw EMG is random even at a constant effort. The rectified signal is its level times a random factor. The factor is
-drawn again in blocks that are longer than its memory, from the time at which the level is high, and smoothed as before.
-The spread of the largest envelope of many draws is that between repetitions of the same contraction.
+drawn again in blocks that are longer than its correlation, from the time at which the level is high, and smoothed as
+before. The spread of the largest envelope of many draws is that between repetitions of the same contraction.
 
 A chain without smoothing takes the largest single sample. Its distribution is that of the largest of many maxima of
 short blocks, which is Gumbel's [1]_.
@@ -29,7 +29,7 @@ class ScaleDraws:
     """How repetitions of a contraction are drawn. Chosen by judgement; no measurement is recorded."""
 
     count: int = 200
-    block_s: float = 0.02  # Length of a block; EMG forgets itself within 10 ms
+    block_s: float = 0.02  # Length of a block; the correlation of EMG ends within 10 ms
     reach_s: float = 1.0  # Time on either side of the largest envelope that is drawn again
     level_s: float = 0.25  # Blocks whose maxima tell the largest sample of a chain that does not smooth
     min_level_share: float = 0.5  # Factors are taken where the level has at least this share of its peak

@@ -153,7 +153,7 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
     if period is None:
         return found
     if best.name in restarts:
-        why = f"{found.why}; it starts again with each trial, and a gap parts them"
+        why = f"{found.why}; it starts again with each trial, and a gap is put between trials"
         return replace(found, period=period, why=why)
     return replace(found, period=period, why=f"{found.why}; it starts again at 0 after {period:.12g}")
 
