@@ -69,10 +69,17 @@ def test_a_parallel_spring_is_a_term_and_gravity_is_without_it():
     assert law.values["parallel_stiffness"] == joint["parallel_stiffness"].value
 
 
-def test_an_effort_of_another_shape_than_a_springs_is_none():
-    """Without a least share that it has to save, this effort of the angle's square would be a spring."""
+@pytest.mark.parametrize(
+    "shape",
+    [
+        lambda q: 0.05 * q**2,
+        lambda q: 0.003 * q**3,  # a spring, without a least share that it has to save
+        lambda q: 0.02 * np.sin(2.0 * q),  # a spring that pushes from its middle, and explains a third of the residual
+    ],
+)
+def test_an_effort_of_another_shape_than_a_springs_is_none(shape):
     _, q, v, a = motion()
-    assert "parallel_spring" not in found(noisy(effort(q, v, a) + 0.05 * q**2))
+    assert "parallel_spring" not in found(noisy(effort(q, v, a) + shape(q)))
 
 
 @pytest.mark.parametrize(("size", "twist"), [(0.5, 100.0), (0.8, 100.0), (0.8, 40.0), (1.2, 40.0)])
