@@ -43,3 +43,12 @@ class Cause:
     half_width: float = float("nan")
     joint: str = ""
     may_twist: bool = False
+
+
+@dataclass(frozen=True)
+class ParallelSpring:
+    """Whether a spring acts in parallel to the drive, by cross-validation on the fitted recordings."""
+
+    is_found: bool = False
+    share: float = 0.0  # share of the residual's variance there that it explains
+    may_twist: bool = False  # whether a transmission that twists would explain as much

@@ -26,8 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...joint.fit.causes import ParallelSpring
-from ...models.causes import Cause
+from ...models.causes import Cause, ParallelSpring
 from ...models.estimates import Parameter
 from ...models.joint import PARALLEL_STIFFNESS
 from ...models.robot import Robot

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...joint.fit import causes, discrepancy, left_out_stretches, recording_agreement, turning_friction
-from ...models.causes import DELAY, DRIFT, POSITION_FRICTION, SATURATION, Cause
+from ...models.causes import DELAY, DRIFT, POSITION_FRICTION, SATURATION, Cause, ParallelSpring
 from ...models.friction_terms import COULOMB_FRICTION
 from ...models.joint import PARALLEL_STIFFNESS
 from ...models.robot import Robot
@@ -32,12 +32,12 @@ MIN_WEIGHT_SHARE = 1e-6
 """Gravity acts on a joint if its largest effort exceeds this share of the largest at any joint."""
 
 
-def find_parallel_springs(at: LinearisedModel, found: TreeSolution) -> dict[int, causes.ParallelSpring]:
+def find_parallel_springs(at: LinearisedModel, found: TreeSolution) -> dict[int, ParallelSpring]:
     """Return the springs that act in parallel to the drives, by joint.
 
     `found` is the solution of the linearised model. Joints with a spring in the model are not searched.
     """
-    made: dict[int, causes.ParallelSpring] = {}
+    made: dict[int, ParallelSpring] = {}
     joints = [k for k in _unexplained(at, found) if PARALLEL_STIFFNESS not in at.model.families[k]]
     if not joints:
         return made
@@ -55,10 +55,7 @@ def find_parallel_springs(at: LinearisedModel, found: TreeSolution) -> dict[int,
 
 
 def find_joint_causes(
-    at: LinearisedModel,
-    found: TreeSolution,
-    estimate: TreeEstimate,
-    springs: Mapping[int, causes.ParallelSpring],
+    at: LinearisedModel, found: TreeSolution, estimate: TreeEstimate, springs: Mapping[int, ParallelSpring]
 ) -> tuple[Cause, ...]:
     """Return the causes of what a solution misses at each joint, the one that explains most first.
 

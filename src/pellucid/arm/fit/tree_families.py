@@ -35,7 +35,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...joint.fit.causes import ParallelSpring
+from ...models.causes import ParallelSpring
 from ...models.friction_terms import DIRECTIONAL_FEATURE, STRIBECK_FRICTION
 from ...numerics.block_test import MIN_IMPROVEMENT, sign_flip_p_value
 from ...numerics.searches.scalar_search import minimise_on_interval

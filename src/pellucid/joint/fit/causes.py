@@ -36,6 +36,7 @@ from ...models.causes import (
     SATURATION,
     WARM_UP,
     Cause,
+    ParallelSpring,
 )
 from ...models.estimates import Parameter
 from ...models.friction_terms import grows_with_load
@@ -82,15 +83,6 @@ class CauseThresholds:
 
 
 CAUSE_THRESHOLDS = CauseThresholds()
-
-
-@dataclass(frozen=True)
-class ParallelSpring:
-    """Whether a spring acts in parallel to the drive, by cross-validation on the fitted recordings."""
-
-    is_found: bool = False
-    share: float = 0.0  # share of the residual's variance there that it explains
-    may_twist: bool = False  # whether a transmission that twists would explain as much
 
 
 def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpring:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...files.recording import Recording
+from ...models.causes import ParallelSpring
 from ...models.estimates import Parameter
 from ...models.joint import FAMILIES, JointModel, joint_model
 from ...models.simulate import LoopSetting
@@ -22,7 +23,7 @@ from ...study.quality import require_sound
 from ...study.recorded_motions import carries_unknown_payload, drive_model, filtering_of, motions_of, take_excerpt
 from ...study.study import Study
 from ...study.study_file import JointTable, Processing, SeveralJoints
-from ..fit.causes import ParallelSpring, find_parallel_spring
+from ..fit.causes import find_parallel_spring
 from ..fit.drive_constant import LoadShares, decide_load_shares, estimate_drive_constant, widen_for_unknown_shares
 from ..fit.friction_family import FamilyFit, SolvedFamily, fit_family
 from ..fit.headline_choice import choose_headline

@@ -9,14 +9,14 @@ import numpy as np
 
 from ...files.defects import clipped, sensor_range
 from ...files.recording import Recording
-from ...models.causes import SATURATION, Cause
+from ...models.causes import SATURATION, Cause, ParallelSpring
 from ...models.joint import PARALLEL_STIFFNESS
 from ...numerics.motion import Motion
 from ...numerics.regression import Stack, predict_effort_rows
 from ...study.drive_channel import drive_channel
 from ...study.recorded_motions import drive_model, motions_of
 from ...study.study import Study
-from ..fit.causes import ParallelSpring, find_causes, spring_cause
+from ..fit.causes import find_causes, spring_cause
 from ..fit.friction_family import FamilyFit
 from ..fit.joint_estimate import JointEstimate
 from .aligned_motions import align_recordings, find_alignments
