@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from importlib.metadata import requires
 from typing import Any
 
 
@@ -33,6 +32,8 @@ def missing_package(part: str, package: str, extra: str) -> PellucidError:
 
 def install_command(extra: str) -> str:
     """Return the command that installs the libraries of an extra, for an installation from a clone or from a wheel."""
+    from importlib.metadata import requires
+
     required = [line.partition(";") for line in requires("pellucid") or ()]
     libraries = [name.strip() for name, _, marker in required if re.search(rf"extra == ['\"]{extra}['\"]", marker)]
     return " ".join(["pip install", *(f'"{library}"' for library in libraries)])
