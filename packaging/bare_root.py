@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 LIBRARIES_OF_EVERY_LINUX = (
@@ -48,6 +49,19 @@ DEMO = (
 """What runs in the root: the command's start-up twice, the first of which compiles modules, and the demo."""
 
 
+ENTER = """
+mount -t proc proc "$0/proc"
+for node in null urandom; do
+  touch "$0/dev/$node"
+  mount --bind "/dev/$node" "$0/dev/$node"
+done
+mkdir -p "$0/dev/shm"  # every Linux has this folder; locks between processes are in it
+mount -t tmpfs tmpfs "$0/dev/shm"
+exec chroot "$0" "$@"
+"""
+"""Shell commands that enter the root, in namespaces of their own."""
+
+
 def main(folder: Path) -> dict[str, float]:
     """Return what was measured: bytes of the wheels and of the installed environment, start-up and the demo's time.
 
@@ -61,7 +75,7 @@ def main(folder: Path) -> dict[str, float]:
     ours = [w for w in wheels if here in w.name or "-none-any" in w.name]
     with tempfile.TemporaryDirectory() as made:
         root = Path(made)
-        python = copy_python(root)
+        python, environment = copy_python(root), {"PATH": os.environ["PATH"]}
         house = root / WHEELS_FOLDER
         house.mkdir()
         wanted = [*map(str, ours), "pip"]
@@ -70,7 +84,7 @@ def main(folder: Path) -> dict[str, float]:
         start = time.perf_counter()
         inside(root, [python, f"/{WHEELS_FOLDER}/{pip.name}/pip", "install", "--quiet", "--no-index", "--no-compile",
                       "--find-links", f"/{WHEELS_FOLDER}", "--root-user-action=ignore",
-                      *[f"/{WHEELS_FOLDER}/{w.name}" for w in ours]])  # fmt: skip
+                      *[f"/{WHEELS_FOLDER}/{w.name}" for w in ours]], environment)  # fmt: skip
         installed = time.perf_counter() - start
         packages = next((root / python.lstrip("/")).parent.parent.glob("lib/python3.*/site-packages"))
         measured = {
@@ -80,7 +94,7 @@ def main(folder: Path) -> dict[str, float]:
             "base_size_bytes": float(size_of(packages) - size_of(packages / "pellucid_lab")),
             "install_s": installed,
         }
-        return measured | json.loads(inside(root, [python, "-c", DEMO]).splitlines()[-1])
+        return measured | json.loads(inside(root, [python, "-c", DEMO], environment).splitlines()[-1])
 
 
 def copy_python(root: Path) -> str:
@@ -116,18 +130,18 @@ def libraries_of(file: Path) -> list[Path]:
     return [Path(path) for path in paths if Path(path).is_file()]
 
 
-def inside(root: Path, command: list[str]) -> str:
-    """Run a command in the root, without a network; return what it printed."""
-    bound = " && ".join(f'touch "$0{node}" && mount --bind {node} "$0{node}"' for node in ("/dev/null", "/dev/urandom"))
-    # Every Linux has this folder; locks between processes are in it.
-    shared = 'mkdir -p "$0/dev/shm" && mount -t tmpfs tmpfs "$0/dev/shm"'
-    enter = f'mount -t proc proc "$0/proc" && {bound} && {shared} && exec chroot "$0" "$@"'
-    environment = {"HOME": "/tmp", "LANG": "C.UTF-8", "PATH": os.environ["PATH"]}
+def inside(root: Path, command: list[str], environment: Mapping[str, str], before: str = "") -> str:
+    """Run a command in the root, without a network; return what it printed.
+
+    `before` are shell commands that run in the same namespaces before the root is entered.
+    """
     namespaces = ["unshare", "--user", "--map-root-user", "--net", "--mount", "--pid", "--fork"]
-    alone = ["env", "-i", *[f"{name}={value}" for name, value in environment.items()]]
+    known = {"HOME": "/tmp", "LANG": "C.UTF-8", **environment}
+    alone = ["env", "-i", *[f"{name}={value}" for name, value in known.items()]]
     found = subprocess.run(
-        [*namespaces, *alone, "sh", "-c", enter, str(root), *command], capture_output=True, text=True, check=False
-    )
+        [*namespaces, *alone, "sh", "-e", "-c", f"{before}{ENTER}", str(root), *command],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
     if found.returncode:
         sys.stderr.write(found.stdout[-2000:] + found.stderr[-4000:])
         raise subprocess.CalledProcessError(found.returncode, command)

@@ -16,7 +16,9 @@ import tempfile
 import time
 from pathlib import Path
 
+from bare_root import inside
 from later_pythons import later_pythons
+from wheel_use import CORE_TESTS, FIT
 
 CHECKOUT = Path(__file__).parents[1]
 
@@ -35,36 +37,27 @@ ELF_HEADER = r"\x7fELF\x02\x01\x01" + 9 * r"\x00" + r"\x02\x00\xb7\x00"
 ELF_MASK = 7 * r"\xff" + r"\x00" + 8 * r"\xff" + r"\xfe\xff\xff\xff"
 """First bytes of a program for aarch64, and which of their bits count."""
 
-ENTER = f"""
+REGISTER = f"""
 mount -t binfmt_misc binfmt_misc /proc/sys/fs/binfmt_misc
 printf %s ':aarch64:M::{ELF_HEADER}:{ELF_MASK}:{EMULATOR}:F' >/proc/sys/fs/binfmt_misc/register
-mount -t proc proc "$0/proc"
-for node in null urandom; do touch "$0/dev/$node" && mount --bind /dev/$node "$0/dev/$node"; done
-exec chroot "$0" "$@"
 """
-"""Shell commands in namespaces of their own: the kernel opens the emulator now (F), so that the root needs none."""
+"""Shell commands that let the kernel open the emulator now (F), so that the root needs none."""
 
-TESTS = [f"tests/core/test_core_{name}.py" for name in ("functions", "joint", "jacobian", "biquad", "arguments")]
-"""Tests that call every kind of function and class of the module, and need no extra."""
+ENVIRONMENT = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "OPENBLAS_NUM_THREADS": "1", "QEMU_CPU": PROCESSOR}
+"""Environment of what runs in the root."""
 
 USE = f"""
 import json, platform, sys
 from pathlib import Path
-import numpy as np, pytest
-import pellucid as pl
-from pellucid import _core
-t = np.arange(0.0, 10.0, 1e-3)
-q = 0.5 * np.sin(2.5 * t) + 0.2 * np.sin(6.9 * t)
-v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
-fit = pl.fit_joint(t, q, 0.05 * a + 1.5 * np.sin(q) + 0.08 * v + 0.3 * np.sign(v), friction="symmetric", lowpass=20.0)
-assert abs(fit["inertia"].value - 0.05) < 0.005, fit
+import pytest
+{FIT}
 pl.export(pl.cards.load("dynamixel-xl330"), "mjx", "/tmp/mjx")
 class Count:
     passed = 0
     def pytest_runtest_logreport(self, report):
         self.passed += report.when == "call" and report.passed
 count = Count()
-status = pytest.main(["-q", "-p", "no:cacheprovider", *{TESTS}], plugins=[count])
+status = pytest.main(["-q", "-p", "no:cacheprovider", *{CORE_TESTS}], plugins=[count])
 print(json.dumps(dict(machine=platform.machine(), python=platform.python_version(), module=Path(_core.__file__).name,
                       inertia=fit["inertia"].value, exported=len(list(Path("/tmp/mjx").iterdir())),
                       tests_passed=count.passed)))
@@ -95,7 +88,7 @@ def main(folder: Path) -> dict[str, str | float]:
         uv = Path(sys.executable).with_name("uv")
         install = [uv, "pip", "install", "--quiet", "--python-platform", LIBC, "--python-version", PYTHON]
         subprocess.run([*install, "--only-binary", ":all:", "--target", packages, wheel, "pytest"], check=True)
-        for same in (each for each in later_pythons() if f"/{PYTHON}." in each or each.endswith(f"python{PYTHON}")):
+        if same := later_pythons().get(PYTHON):
             # The emulated one takes minutes to compile modules.
             subprocess.run([same, "-m", "compileall", "-q", packages], check=False, stdout=subprocess.DEVNULL)
         shutil.copytree(CHECKOUT / "tests", root / "checkout" / "tests", ignore=shutil.ignore_patterns("__pycache__"))
@@ -103,7 +96,7 @@ def main(folder: Path) -> dict[str, str | float]:
         shutil.copy2(CHECKOUT / "pyproject.toml", root / "checkout")
         start = time.perf_counter()
         run = ["/usr/bin/env", "-C", "/checkout", "PYTHONPATH=lab", "/usr/bin/python3", "-P", "-c", USE]
-        used = json.loads(inside(root, run).splitlines()[-1])
+        used = json.loads(inside(root, run, ENVIRONMENT, REGISTER).splitlines()[-1])
         return {"wheel": wheel.name, "emulator": Path(EMULATOR).name, "seconds": time.perf_counter() - start, **used}
 
 
@@ -115,20 +108,6 @@ def unpack_debian(root: Path) -> None:
     for package in sorted(archives.glob("*.deb"), key=lambda path: (not path.name.startswith("base-files"), path.name)):
         subprocess.run(["dpkg-deb", "--extract", package, root], check=True)
     shutil.rmtree(archives)
-
-
-def inside(root: Path, command: list[str]) -> str:
-    """Run a command in the root, without a network; return what it printed."""
-    namespaces = ["unshare", "--user", "--map-root-user", "--net", "--mount", "--pid", "--fork"]
-    alone = ["env", "-i", "HOME=/tmp", "LANG=C.UTF-8", "PATH=/usr/sbin:/usr/bin:/sbin:/bin", "OPENBLAS_NUM_THREADS=1",
-             f"QEMU_CPU={PROCESSOR}"]  # fmt: skip
-    found = subprocess.run(
-        [*namespaces, *alone, "sh", "-e", "-c", ENTER, str(root), *command], capture_output=True, text=True, check=False
-    )
-    if found.returncode:
-        sys.stderr.write(found.stdout[-2000:] + found.stderr[-4000:])
-        raise subprocess.CalledProcessError(found.returncode, command)
-    return found.stdout
 
 
 if __name__ == "__main__":

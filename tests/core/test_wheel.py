@@ -17,9 +17,6 @@ ROOT = Path(__file__).parents[2]
 MAX_UNIT_SECONDS = 20.0
 """CPU time of the compiler for one unit. The longest takes about 11 s; a whole build waits for it."""
 
-CORE_TESTS = [f"tests/core/test_core_{name}.py" for name in ("functions", "joint", "jacobian", "biquad", "arguments")]
-"""Tests that call every kind of function and class of the module, and need no extra."""
-
 COMPILER = """
 import resource, subprocess, sys
 status = subprocess.call(sys.argv[2:])
@@ -30,18 +27,8 @@ sys.exit(status)
 """
 """Runs a compiler and appends its CPU time [s] and what it made to a file."""
 
-FIT = """
-import numpy as np, pellucid as pl
-from pellucid import _core
-assert _core.__file__.endswith(("abi3.so", "_core.pyd")), _core.__file__
-t = np.arange(0.0, 10.0, 1e-3)
-q = 0.5 * np.sin(2.5 * t) + 0.2 * np.sin(6.9 * t)
-v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
-fit = pl.fit_joint(t, q, 0.05 * a + 1.5 * np.sin(q) + 0.08 * v + 0.3 * np.sign(v), friction="symmetric", lowpass=20.0)
-assert abs(fit["inertia"].value - 0.05) < 0.005, fit
-"""
-"""A joint is fitted by the module with the stable ABI."""
-
+USE = runpy.run_path(str(ROOT / "packaging" / "wheel_use.py"))
+"""What is done with a wheel, here and in an emulated root."""
 
 later_pythons = runpy.run_path(str(ROOT / "packaging" / "later_pythons.py"))["later_pythons"]
 
@@ -71,7 +58,7 @@ def built(uv, tmp_path_factory) -> tuple[Path, dict[str, float]]:
     folder = tmp_path_factory.mktemp("wheel")
     log, compiler = folder / "log", folder / "compiler.py"
     compiler.write_text(COMPILER, encoding="utf-8")
-    python = next(iter(later_pythons()), sys.executable)
+    python = next(iter(later_pythons().values()), sys.executable)
     launcher = f"cmake.define.CMAKE_CXX_COMPILER_LAUNCHER={sys.executable};{compiler};{log}"
     run(uv, "build", "--sdist", "--out-dir", folder, ".")
     with tarfile.open(next(folder.glob("*.tar.gz"))) as archive:
@@ -96,7 +83,7 @@ def test_the_types_of_the_core_are_in_the_wheel(built):
 
 
 def test_a_later_python_imports_the_wheel_of_an_earlier_one(uv, built, tmp_path):
-    pythons = later_pythons()
+    pythons = [*later_pythons().values()]
     if not pythons:
         pytest.skip("not installed: Python 3.12 or later")
     assert "-cp312-abi3-" in built[0].name
@@ -104,5 +91,5 @@ def test_a_later_python_imports_the_wheel_of_an_earlier_one(uv, built, tmp_path)
     run(uv, "venv", "--python", pythons[-1], tmp_path / "venv")
     run(uv, "pip", "install", "--python", python, built[0], "pytest")
     alone = {**os.environ, "PYTHONPATH": str(ROOT / "lab" / "src")}  # tests share a study that the lab records
-    run(python, "-P", "-c", FIT, env=alone)
-    run(python, "-P", "-m", "pytest", "-q", "-p", "no:cacheprovider", *CORE_TESTS, env=alone)
+    run(python, "-P", "-c", USE["FIT"], env=alone)
+    run(python, "-P", "-m", "pytest", "-q", "-p", "no:cacheprovider", *USE["CORE_TESTS"], env=alone)
