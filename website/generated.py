@@ -14,6 +14,7 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any, get_args
@@ -351,6 +352,7 @@ PAGES: Mapping[str, tuple[str, Callable[[], Iterator[str]]]] = {
 """Pages by the name that prints them: the file on the site, and the function that makes their parts."""
 
 
+@cache
 def page(name: str) -> str:
     """Return a page in Markdown."""
     return "\n\n".join(PAGES[name][1]()) + "\n"
