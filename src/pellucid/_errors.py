@@ -25,6 +25,12 @@ class ArgumentError(PellucidError, TypeError):
     """An argument of a function has a wrong type or unit. The message names the function and the argument."""
 
 
+def listed_names(names: Sequence[str], most: int) -> str:
+    """Return names for a sentence, at most so many of them and the number of all others: ``a, b and 3 more``."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
 def missing_package(part: str, package: str, extra: str) -> PellucidError:
     """Return the error that an optional library is not installed, with the command that installs it."""
     return PellucidError(f"{part}: found no package {package}, expected it: {install_command(extra)}")

@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from .._atomic import write_text_atomically
-from .._errors import PellucidError
+from .._errors import PellucidError, listed_names
 from .._given import read_given
 from .._printed_command import printed_command
 from .card_schema import MAX_CARD_NUMBER, fields_of, require_between, require_sound
@@ -208,10 +208,9 @@ def read_table(path: Path) -> dict:
         others = sorted(each.name for each in path.parent.glob("*.json"))
         if not others:
             raise PellucidError(f"{path}: no such model card; make it with: {command}") from None
-        more = f" and {len(others) - MAX_NAMED_CARDS} more" if len(others) > MAX_NAMED_CARDS else ""
-        named = ", ".join(others[:MAX_NAMED_CARDS])
+        named = listed_names(others, MAX_NAMED_CARDS)
         raise PellucidError(
-            f"{path}: no such model card; found {named}{more} in its folder, expected one of these, or a study.toml "
+            f"{path}: no such model card; found {named} in its folder, expected one of these, or a study.toml "
             "with the procedure that identifies it"
         ) from None
     except (ValueError, RecursionError) as error:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._errors import StudyError
+from .._errors import StudyError, listed_names
 from ..files.clock import first_deliveries
 from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
 from ..files.file_facts import FileFact, find_drive_facts, find_encoder_counts, find_rate
@@ -821,9 +821,8 @@ def _own_quantity(role: ColumnRole) -> str:
 
 
 def _remark_left(layout: Layout, why: str, remarks: list[str]) -> None:
-    names = ", ".join(sorted({table.path.name for table in layout.tables})[:4])
-    more = f" and {len(layout.tables) - 4} more" if len(layout.tables) > 4 else ""
-    remarks.append(f"{names}{more}: excluded: {why}")
+    names = sorted({table.path.name for table in layout.tables})
+    remarks.append(f"{listed_names(names, 4)}: excluded: {why}")
 
 
 def _extras(table: GivenTable, main: Layout) -> tuple[ColumnRole, ...]:

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .._errors import listed_names
 from .._given import visible_text
 from ..files.file_facts import FileFact
 from ..files.name_evidence import read_name
@@ -119,8 +120,7 @@ def _notes(proposal: Proposal) -> list[str]:
     ]
     notes = []
     if guesses:
-        shown = ", ".join(guesses[:12]) + (f" and {len(guesses) - 12} more" if len(guesses) > 12 else "")
-        notes.append(f"Proposed by init --from and not confirmed: {shown}.")
+        notes.append(f"Proposed by init --from and not confirmed: {listed_names(guesses, 12)}.")
     if "rate" in unsaid_defaults(proposal):
         notes.append(f"No file states the sampling rate: {_rate(proposal, proposal.main):g} Hz is a placeholder.")
     lines = [f"notes = [{', '.join(map(_text, notes))}]"] if notes else []

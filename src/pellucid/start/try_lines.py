@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from .._errors import listed_names
 from ..study.answer import answer_lines
 from ..study.results import finite_row, row_table
 from .inference.assign_roles import ColumnRole
@@ -38,19 +39,14 @@ def _columns(layout: Layout) -> list[str]:
     used = [f"{clock.column} -> time [{clock.unit}]"] if clock.column else []
     used += [f"{role.column} -> {channel_name(role)} [{_scaled_unit(role)}]" for role in layout.channels]
     idle = [role.column for role in layout.roles.roles if role.quantity is None]
-    lines = [f"  {_listed(used)}"]
-    return [*lines, f"  not used: {_listed(idle)}"] if idle else lines
+    lines = [f"  {listed_names(used, MAX_LISTED_COLUMNS)}"]
+    return [*lines, f"  not used: {listed_names(idle, MAX_LISTED_COLUMNS)}"] if idle else lines
 
 
 def _scaled_unit(role: ColumnRole) -> str:
     """Return the unit of a column's numbers with how many of it one number is, as in "0.01 deg"."""
     scale = role.keys.get("scale", 1.0)
     return role.unit if scale == 1.0 else f"{float(str(scale)):.4g} {role.unit}"
-
-
-def _listed(names: list[str]) -> str:
-    more = len(names) - MAX_LISTED_COLUMNS
-    return ", ".join(names[:MAX_LISTED_COLUMNS]) + (f" and {more} more" if more > 0 else "")
 
 
 def try_table(tried: TriedLog) -> dict[str, Any]:

@@ -44,6 +44,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from ..._errors import listed_names
 from ...models.estimates import Parameter, Verdict
 from ...numerics.posterior.ensemble import drawn, drawn_by_gradients
 from ...numerics.posterior.posterior import (
@@ -236,9 +237,7 @@ def muscle_verdicts(fit: MuscleFit, what: str) -> tuple[Verdict, ...]:
 
 def _listed(names: Sequence[str]) -> str:
     """Join parameters' names, only the first ones where they are too many to be read."""
-    if len(names) <= 2 * MAX_NAMED_PARAMETERS:
-        return ", ".join(names)
-    return f"{', '.join(names[:MAX_NAMED_PARAMETERS])} and {len(names) - MAX_NAMED_PARAMETERS} more"
+    return listed_names(names, MAX_NAMED_PARAMETERS if len(names) > 2 * MAX_NAMED_PARAMETERS else len(names))
 
 
 def recording_information(fit: MuscleFit) -> tuple[np.ndarray, np.ndarray, float]:

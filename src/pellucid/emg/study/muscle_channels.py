@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..._errors import IdentificationError, PellucidError, RecordingError
+from ..._errors import IdentificationError, PellucidError, RecordingError, listed_names
 from ...files.fault import Fault
 from ...files.recording import MAXIMAL_PROTOCOL, Recording
 from ...models.estimates import Verdict
@@ -319,8 +319,7 @@ def per_trial_faults(streams: Sequence[Recording]) -> list[Fault]:
             if len(trials) == 1:
                 severity, said = "note", "a largest value of exactly 1, its own maximum"
             else:
-                listed = ", ".join(each.name for each in trials[:5])
-                listed += f" and {len(trials) - 5} more" if len(trials) > 5 else ""
+                listed = listed_names([each.name for each in trials], 5)
                 severity, each = "warn", f"a largest value of exactly 1 in each of {len(trials)} recordings ({listed})"
                 said = f"{each}: each is its own maximum"
             expected = "one maximum for all recordings of a participant"

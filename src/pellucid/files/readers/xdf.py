@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._errors import RecordingError
+from ..._errors import RecordingError, listed_names
 from ..file_facts import NOMINAL_RATE_FACT
 from ..stated_units import unit_from_text
 from ._columns import Columns
@@ -174,8 +174,7 @@ def lost_end(path: Path) -> str:
     lost = [f"{whole.size - whole.end} bytes of an incomplete chunk"] if whole.end < whole.size else []
     endless = [f'"{name}"' for identity, name in whole.streams.items() if identity not in whole.ended]
     if endless:
-        named = ", ".join(endless[:5]) + (f" and {len(endless) - 5} more" if len(endless) > 5 else "")
-        lost.append(f"no end of the stream{'s' if len(endless) > 1 else ''} {named}")
+        lost.append(f"no end of the stream{'s' if len(endless) > 1 else ''} {listed_names(endless, 5)}")
     return " and ".join(lost)
 
 

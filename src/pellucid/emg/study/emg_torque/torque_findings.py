@@ -22,7 +22,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ...._errors import IdentificationError
+from ...._errors import IdentificationError, listed_names
 from ....models.card import CardParameter
 from ....models.estimates import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
@@ -751,6 +751,10 @@ def _signed(value: float) -> str:
     return f"{value:+.2f}"
 
 
+MAX_NAMED_GAINS = 3
+"""Largest number of gains that a sentence names; the first table has all."""
+
+
 def worth_sentence(worth: Sequence[RecordingWorth]) -> str:
     """Return the first sentence of the headline: for which joints and recordings EMG is worth it; empty without any."""
     if not worth:
@@ -770,13 +774,8 @@ def worth_sentence(worth: Sequence[RecordingWorth]) -> str:
         "cannot say": "The data do not show whether EMG improves on joint angles alone for",
     }
     few = "" if all(each.worth.is_founded for each in worth) else TOO_FEW_TRIALS_SENTENCE
-    return few + "".join(f"{words[answer]} {_list_with_end(parts)}. " for answer, parts in by_answer.items())
-
-
-def _list_with_end(parts: Sequence[str], most: int = 3) -> str:
-    """Return the first parts in words, and how many more there are."""
-    more = f" and {len(parts) - most} more" if len(parts) > most else ""
-    return ", ".join(parts[:most]) + more
+    told = ((words[answer], listed_names(parts, MAX_NAMED_GAINS)) for answer, parts in by_answer.items())
+    return few + "".join(f"{begin} {gains}. " for begin, gains in told)
 
 
 def worth_tables(worth: Sequence[RecordingWorth]) -> tuple[FigureTable, ...]:
