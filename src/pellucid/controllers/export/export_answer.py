@@ -8,7 +8,7 @@ from pathlib import Path
 from ...study.answer import Answer, AnswerNumber, Basis, with_assumed
 from ...study.exporter import ExportRequest, find_exporter
 from ...study.kept import hold_lock
-from ...study.procedures.complete_answer import assumptions_of
+from ...study.procedures.complete_answer import assumptions_of, with_study
 from ...study.results import read_answers, read_rows, replace_rows
 from ...study.study import Study
 from .c_folder import read_owner
@@ -29,9 +29,7 @@ def export_answer(
     owner = (read_owner(place) if place.is_dir() else read_unit_owner(place)) or {}
     cards = [name for name in owner.get("cards", "").split(", ") if name]
     if cards:
-        count, config = len(cards), study.config
-        basis = Basis(count, count, "model card", is_simulated=config.simulated, is_worn=config.worn)
-        answer = replace(answer, basis=basis)
+        answer = replace(answer, basis=Basis(len(cards), len(cards), "model card"))
     answer = with_assumed(answer, assumptions_of(study))
     if measured is not None:
         head = f"{study.name}.export.m4"
@@ -43,7 +41,7 @@ def export_answer(
     if measured is not None and measured.wrong:
         reason = f"{measured.wrong} of {measured.steps} steps on a Cortex-M4F differ from this machine's"
         answer = replace(answer, verdict="no", reason=reason, said=f"{reason}. {answer.said}")
-    return answer.in_folder(study.folder)
+    return with_study(study, answer)
 
 
 def _doubt(study: Study) -> str:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..._errors import listed_names
 from ..answer import Answer, AnswerVerdict, Basis, Step
-from .complete_answer import assumptions_of
+from .complete_answer import with_study
 from .procedure import typed_command
 from .registry import asked
 
@@ -46,10 +46,8 @@ def check_answer(study: Study, faults: Sequence[Fault]) -> Answer:
         places = _listed(map(_place, warned), MAX_NAMED_CHANNELS)
         said = f"{whole} can be used" + (f"; see the warnings on {places}" if warned else "")
         reason, step = "", Step("Use the recordings", command)
-    basis = Basis(used, count, is_simulated=study.config.simulated, is_worn=study.config.worn)
     question = f"Are these recordings fit to be used by {command}?"
-    answer = Answer(question, verdict, said, reason, basis=basis, next=(step,))
-    return replace(answer, assumed=assumptions_of(study)).in_folder(study.folder)
+    return with_study(study, Answer(question, verdict, said, reason, basis=Basis(used, count), next=(step,)))
 
 
 def _place(fault: Fault) -> str:
@@ -59,6 +57,4 @@ def _place(fault: Fault) -> str:
 
 def _listed(texts: Iterable[str], most: int) -> str:
     """Return texts in a row, each once and at most so many."""
-    once = list(dict.fromkeys(texts))
-    more = f" and {len(once) - most} more" if len(once) > most else ""
-    return f"{', '.join(once[:most])}{more}"
+    return listed_names([*dict.fromkeys(texts)], most)

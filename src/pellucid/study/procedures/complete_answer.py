@@ -25,12 +25,18 @@ def complete_answer(study: Study, found: Result, left_out: Collection[str] = ())
     if found.flaw:
         answer = spoilt(answer, found.flaw)
     answer = with_assumed(answer, assumptions_of(study))
-    basis = _counted(study, found, answer.basis, left_out)
-    basis = replace(basis, is_simulated=study.config.simulated, is_worn=study.config.worn)
-    answer = replace(answer, basis=basis)
+    answer = replace(answer, basis=_counted(study, found, answer.basis, left_out))
     if study.config.worn and not answer.qualifier:
         answer = replace(answer, qualifier=WORN_TOGETHER)
-    return replace(answer, next=_steps(study, found, answer)).in_folder(study.folder)
+    return with_study(study, replace(answer, next=_steps(study, found, answer)))
+
+
+def with_study(study: Study, answer: Answer) -> Answer:
+    """Return an answer with what its study states: the origin of its basis, unconfirmed defaults, and the folder."""
+    config, basis = study.config, answer.basis
+    if basis is not None:
+        basis = replace(basis, is_simulated=config.simulated, is_worn=config.worn)
+    return replace(answer, basis=basis, assumed=assumptions_of(study)).in_folder(study.folder)
 
 
 def assumptions_of(study: Study) -> tuple[Assumption, ...]:

@@ -14,7 +14,7 @@ from ..pages.quantities import typeset_sentence
 from ..results import replace_rows
 from ..study import Study
 from .check_answer import CORRECT_RECORDINGS_STEP
-from .complete_answer import assumptions_of
+from .complete_answer import with_study
 from .procedure import typed_command
 
 
@@ -29,11 +29,9 @@ def write_refusal(study: Study, command: str, error: UnfitRecordingError) -> tup
     more = f" (and {len(others)} further fault{'' if len(others) == 1 else 's'})" if others else ""
     reason = f"the recordings are not fit to be used: {first.rstrip('.')}{more}"
     question = f"What does {typed_command(command)} find in these recordings?"
-    count = len(study.recordings())
-    basis = Basis(0, count, is_simulated=study.config.simulated, is_worn=study.config.worn)
-    answer = Answer(
-        question, "cannot say", reason, reason, (), (), basis, assumptions_of(study), next=(CORRECT_RECORDINGS_STEP,)
-    )
+    basis = Basis(0, len(study.recordings()))
+    answer = Answer(question, "cannot say", reason, reason, basis=basis, next=(CORRECT_RECORDINGS_STEP,))
+    answer = with_study(study, answer)
     page = Page(
         study.name, typed_command(command), answer=answer,
         verdicts=tuple(("wrong", typeset_sentence(text)) for text in others),
