@@ -240,42 +240,31 @@ def check(folder: Folder, json: Json = False, allow_outside: Outside = False) ->
     study = _opened(folder, None, allow_outside)
     with show_progress() as tell:
         faults = run(study, on_progress=tell)
-    if json:
-        _print_faults(study, faults)
-    else:
-        _print_check(study, faults, MAX_ITEM_LINES_UNLESS_VERBOSE)
+    _print_check(study, faults, MAX_ITEM_LINES_UNLESS_VERBOSE, json=json)
 
 
-def _print_check(study: Study, faults: Sequence[Fault], max_lines: int) -> None:
+def _print_check(study: Study, faults: Sequence[Fault], max_lines: int, *, json: bool = False) -> None:
     """Print whether a study's recordings can be used, and what was found in at most `max_lines` lines unless ``-v``
     asks for all; exit with status 1 if they cannot, as the command that uses them would."""
+    from dataclasses import asdict
+
     from .files.fault import grouped_messages
     from .study.procedures.check_answer import check_answer
 
-    out, answer = make_console(), check_answer(study, faults)
-    print_answer(out, answer)
-    kinds = [("refuse", "warning"), ("warn", "warning")]
-    items = [(mark, text) for kind, mark in kinds for text in grouped_messages(_of_severity(faults, kind))]
-    others = [fault for fault in faults if fault.severity not in dict(kinds)]
-    print_items(out, [*items, *(("note", text) for text in grouped_messages(others))], max_lines)
-    if answer.verdict == "no":
-        print_steps(out, answer)
-        raise typer.Exit(1)
-    print_line(out, f"Next: {answer.next_command}")
-
-
-def _of_severity(faults: Sequence[Fault], severity: str) -> list[Fault]:
-    return [fault for fault in faults if fault.severity == severity]
-
-
-def _print_faults(study: Study, faults: Sequence[Fault]) -> None:
-    """Print the answer and the faults as JSON; exit with status 1 if the recordings cannot be used."""
-    from dataclasses import asdict
-
-    from .study.procedures.check_answer import check_answer
-
     answer = check_answer(study, faults)
-    _echo_json({"answer": answer.table(), "faults": [asdict(fault) for fault in faults]})
+    if json:
+        _echo_json({"answer": answer.table(), "faults": [asdict(fault) for fault in faults]})
+    else:
+        out = make_console()
+        print_answer(out, answer)
+        of_severity = {severity: [f for f in faults if f.severity == severity] for severity in ("refuse", "warn")}
+        noted = [fault for fault in faults if fault.severity not in of_severity]
+        warnings = [("warning", text) for some in of_severity.values() for text in grouped_messages(some)]
+        print_items(out, [*warnings, *(("note", text) for text in grouped_messages(noted))], max_lines)
+        if answer.next_command:
+            print_line(out, f"Next: {answer.next_command}")
+        else:
+            print_steps(out, answer)
     if answer.verdict == "no":
         raise typer.Exit(1)
 
