@@ -1,4 +1,4 @@
-"""Install Pellucid's wheel for aarch64 in an emulated Debian 13, fit and export a joint there, and test the core.
+"""Install Pellucid's wheel for aarch64 in an emulated Debian 13, fit a joint there, export a model, and test the core.
 
 ``python packaging/emulated_root.py dist`` unpacks Debian's packages for arm64 into a folder that becomes the root, and
 the wheels that ``pip install pellucid`` would choose there. It needs `debootstrap`, `qemu-user-static` and the right to

@@ -147,8 +147,9 @@ Stäubli TX40 is held out in turn. Two recordings of the UR10e are held out.
 
 EMG_TEXT = """## Torque from EMG, real people
 
-The recommended estimator, chosen by cross-validation within the fitted recordings, against joint angles without EMG.
-The gain is the difference of both R². The last column is the coverage of the 90 % band.
+The recommended estimator, chosen by cross-validation within the fitted recordings, against ridge regression on joint
+angles alone. The gain is the difference of R² to the best estimators without EMG, chosen in the same way. The last
+column is the coverage of the 90 % band.
 
 | held-out recording | R² | R² of angles alone | gain | 95 % interval | coverage |
 |---|--:|--:|--:|--:|--:|

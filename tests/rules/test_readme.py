@@ -20,7 +20,9 @@ PAGES = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
     for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")))
 }
-README, ARCHITECTURE = (PAGES[p] for p in ("README.md", "docs/architecture.md"))
+README, ARCHITECTURE, REAL_DATA = (
+    PAGES[p] for p in ("README.md", "docs/architecture.md", "docs/validation/real-data.md")
+)
 WRITE_A_STUDY = "docs/how-to/write-a-study-toml.md"
 BASES = (ROOT, ROOT / "src", ROOT / "src" / "pellucid", ROOT / "lab" / "src")
 EXPLANATION = tuple(page for page in PAGES if page.startswith("docs/explanation/"))
@@ -48,6 +50,14 @@ def test_links_lead_somewhere(page):
         if not path.exists() or (anchor and anchor not in anchors(path)):
             missing.append(target)
     assert not missing, missing
+
+
+def test_the_errors_of_the_arm_are_the_same_on_every_page():
+    """The code had improved: the tutorial showed what it printed, README and validation an earlier figure."""
+    rows = {model: found for model, found in re.findall(r"^\| ([^|]+) \| ([\d.]+ %) \|", REAL_DATA, re.MULTILINE)}
+    published, found = rows["stated bodies, published friction"], rows["friction chosen for each joint"]
+    assert f"| {published} (published model) | {found} | a real arm |" in README
+    assert f"mean effort error is {found}" in PAGES["docs/tutorials/identify-an-arm.md"]
 
 
 def test_every_page_is_linked_from_another():
