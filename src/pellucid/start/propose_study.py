@@ -470,9 +470,11 @@ def _with_headless(groups: list[list[GivenTable]]) -> list[list[GivenTable]]:
 
     A logger that begins a new file now and then writes the names into the first one alone.
     """
-    named = [list(group) for group in groups if not all(name.isdigit() for name in group[0].columns)]
-    rest = [group for group in groups if all(name.isdigit() for name in group[0].columns)]
-    for group in rest:
+    named: list[list[GivenTable]] = []
+    headless: list[list[GivenTable]] = []
+    for group in groups:
+        (headless if all(name.isdigit() for name in group[0].columns) else named).append(list(group))
+    for group in headless:
         continued = [other for other in named if all(_continues(table, other[0]) for table in group)]
         (continued[0].extend if len(continued) == 1 else named.append)(group)
     return named
@@ -485,7 +487,8 @@ def _continues(table: GivenTable, first: GivenTable) -> bool:
     for (name, known), x in zip(first.columns.items(), table.columns.values(), strict=True):
         if read_name(name).quantity in ("time", "counter"):
             continue
-        if not (np.nanmin(x) <= np.nanmax(known) and np.nanmin(known) <= np.nanmax(x)):
+        known, x = known[np.isfinite(known)], x[np.isfinite(x)]
+        if known.size and x.size and not (x.min() <= known.max() and known.min() <= x.max()):
             return False
     return True
 

@@ -115,10 +115,7 @@ def _with_remark(columns: Columns, has_objects: bool) -> Columns:
     """
     if not has_objects:
         return columns
-    said = (
-        "a table or another object of MATLAB, such as a timeseries, needs mat-io: "
-        f"{install_command('matlab')}"
-    )
+    said = f"a table or another object of MATLAB, such as a timeseries, needs mat-io: {install_command('matlab')}"
     if not columns.values:
         raise RecordingError(
             f"{columns.path.name}: {said}; or save it in MATLAB as a struct of vectors: "

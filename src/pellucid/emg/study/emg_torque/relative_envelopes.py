@@ -230,9 +230,9 @@ def find_scales(study: Study) -> list[EnvelopeScale]:
             contractions = []
             for recording in source:
                 stream = recording.stream_or_self(study.table(EmgTorqueTable).emg)
-                inside = find_window(stream.uncut or stream, recording, f"emg.{muscle}")
-                samples = (stream.uncut or stream)[f"emg.{muscle}"][inside]
-                contractions.append(without_short_peaks(samples, stream.fs))
+                whole, channel = stream.uncut or stream, f"emg.{muscle}"
+                inside = find_window(whole, recording, channel)
+                contractions.append(without_short_peaks(whole[channel][inside], stream.fs))
             low, high = scale_interval(contractions, stream.fs, chain, SCALE_LEVEL)
             found.append(EnvelopeScale(person, muscle, value, low * value, high * value))
     return found
