@@ -10,31 +10,12 @@ from pellucid._errors import UnfitRecordingError
 from pellucid.cli import app
 from pellucid.study.results import read_answers
 
-STUDY = """
-name = "dead"
-[rig]
-motion = "rotary"
-[rig.drive]
-kind = "torque"
-[channels]
-time = { column = "t", unit = "s" }
-position = { column = "q", unit = "rad" }
-torque = { column = "u", unit = "N*m" }
-[[recordings]]
-name = "a"
-file = "a.csv"
-use = "fit"
-"""
-
 
 @pytest.fixture
-def dead(tmp_path):
-    """A study whose torque is 0 in every sample."""
-    t = np.arange(0.0, 20.0, 0.005)
-    q = 0.5 * np.sin(2.5 * t) + 0.2 * np.sin(6.9 * t)
-    np.savetxt(tmp_path / "a.csv", np.c_[t, q, 0.0 * q], delimiter=",", header="t,q,u", comments="")
-    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
-    return tmp_path
+def dead(make_study):
+    """A study whose current is 0 in every sample."""
+    swing = make_study.swing()
+    return make_study(swing | {"i": np.zeros(len(swing["i"]))}).folder
 
 
 def test_refused_recordings_leave_an_answer_in_every_form(dead):
@@ -59,7 +40,7 @@ def test_a_check_says_why_recordings_are_not_fit(dead):
     question, said, based_on, *_ = done.stdout.splitlines()
     assert done.exit_code == 1
     assert question == "Are these recordings fit to be used by identify?"
-    assert said.startswith("No. 1 fault prevents their use: torque of a.csv (the one value 0 N·m")
+    assert said.startswith("No. 1 fault prevents their use: current of sweep.csv (the one value 0 A")
     assert based_on == "Based on 0 of 1 recording, measured."
     table = json.loads(CliRunner().invoke(app, ["check", str(dead), "-q", "--json"]).stdout)
     assert table["answer"]["verdict"] == "no"
