@@ -51,6 +51,14 @@ def test_a_dead_effort_is_refused_by_check_and_by_identify(make_study, dead):
         pl.identify(study)
 
 
+def test_a_negative_zero_is_told_as_0(make_study):
+    """A dead sensor whose sign is turned has the one value -0."""
+    study = make_study(make_study.swing() | {"i": np.full(2000, -0.0)})
+    assert [fault.found for fault in pl.check(study) if fault.severity == "refuse"] == [
+        "the one value 0 A in every sample of all fitted recordings"
+    ]
+
+
 @pytest.mark.parametrize(
     ("kind", "channel", "unit"),
     [("torque", "torque", "N*m"), ("voltage", "voltage", "V"), ("voltage", "duty", "1")],

@@ -469,9 +469,9 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
     if levels is not None and levels.size <= 1:
         value = float(levels[0]) if levels.size else 0.0
         if measures and quantity.kind not in STEADY_QUANTITIES and _something_moves(channel, others):
-            yield LogFinding(constant.KIND, name, f"the one value {value:.6g}{unit} in every row", size=value)
+            yield LogFinding(constant.KIND, name, f"the one value {value:z.6g}{unit} in every row", size=value)
         else:
-            text = f"the one value {value:.6g}{unit} in every row: a setting, or not connected"
+            text = f"the one value {value:z.6g}{unit} in every row: a setting, or not connected"
             yield LogFinding("constant", name, text, NOTE_LEVEL, size=value)
         return
     if levels is not None and measures and quantity.kind in (*EFFORT_QUANTITIES, "emg", "acceleration"):
@@ -485,7 +485,7 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
         if stretch is not None and not _rests_with_others(channel, others, *stretch):
             first, last = stretch
             where = "to the end" if last >= len(x) - 2 else f"to row {last}"
-            text = f"the one value {x[first]:.6g}{unit} from row {first} {where}, while other channels move"
+            text = f"the one value {x[first]:z.6g}{unit} from row {first} {where}, while other channels move"
             yield LogFinding(constant.KIND, name, text, ALARM_LEVEL, first, last, float(x[first]))
             x = np.array(x)
             x[first : last + 1] = np.nan
@@ -566,7 +566,7 @@ def _frozen_findings(channels: Mapping[str, LogChannel]) -> Iterator[LogFinding]
         longest = max(rests, key=lambda rest: rest[1] - rest[0], default=None)
         if longest is not None:
             first, last, why = longest
-            text = f"the one value {position.samples[first]:.6g}{position.unit} in rows {first} to {last} while {why}"
+            text = f"the one value {position.samples[first]:z.6g}{position.unit} in rows {first} to {last} while {why}"
             yield LogFinding(constant.KIND, position.name, text, ALARM_LEVEL, first, last)
 
 

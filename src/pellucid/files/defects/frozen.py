@@ -66,7 +66,7 @@ def _find_in_joint(watched: WatchedRecording, position: str, drive: str) -> Iter
         width = max(FREEZE_LIMITS.min_rest_samples, round(FREEZE_LIMITS.min_rest_s * watched.recording.fs))
         held = all(is_only_noise(s, width) for s in moves) or is_at_rest(watched, position, 0, len(q) - 1)
         if moves and not held:
-            found = f"a frozen encoder, the one value {measured[0]:.6g} in every sample"
+            found = f"a frozen encoder, the one value {measured[0]:z.6g} in every sample"
             yield make_cut(watched.recording, KIND, position, first=0, last=len(q) - 1, found=found)
         return
     if len(np.unique(measured)) <= FREEZE_LIMITS.max_flicker_levels:
@@ -75,7 +75,7 @@ def _find_in_joint(watched: WatchedRecording, position: str, drive: str) -> Iter
     for a, b, why in frozen_rests(q, effort, reference, min_samples):
         if why != LEAP_AFTER_REST and is_at_rest(watched, position, a, b):
             continue
-        found = f"a frozen encoder, the one value {q[a]:.6g} for {b - a + 1} samples while {why}"
+        found = f"a frozen encoder, the one value {q[a]:z.6g} for {b - a + 1} samples while {why}"
         yield make_cut(watched.recording, KIND, position, first=a, last=b, found=found)
 
 

@@ -40,7 +40,7 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
         span = float(np.nanmax(place) - np.nanmin(place)) if np.isfinite(place).any() else 0.0
         if np.isfinite(inside).any() and np.nanmax(inside) - np.nanmin(inside) > MIN_TRAVEL_SHARE * span > 0.0:
             unit = watched.recording.channels[drive].unit
-            found = f"a dead effort, the one value {effort[first]:.6g} {unit} while the joint moves"
+            found = f"a dead effort, the one value {effort[first]:z.6g} {unit} while the joint moves"
             yield make_cut(watched.recording, KIND, drive, first=first, last=last, found=found)
 
 

@@ -66,7 +66,7 @@ def _faults_of_use(study: Study, recordings: Sequence[Recording], use: str) -> I
         if levels is None:
             yield from _dead_in_one(drive, seen, unit)
         elif levels.size == 1:
-            found = f"the one value {levels[0]:.6g}{unit} in {where}"
+            found = f"the one value {levels[0]:z.6g}{unit} in {where}"
             yield _fault("refuse", files, drive, found, wanted)
         elif (
             levels.size > 1
@@ -85,7 +85,7 @@ def _dead_in_one(drive: str, seen: Sequence[tuple[Recording, str, np.ndarray]], 
     for recording, position, samples in seen:
         levels = few_levels([samples])
         if levels is not None and levels.size == 1 and few_levels([recording[position]]) is None:
-            found = f"the one value {levels[0]:.6g}{unit} in every sample (recording {recording.name})"
+            found = f"the one value {levels[0]:z.6g}{unit} in every sample (recording {recording.name})"
             wanted = "an effort that changes, unless the drive was off or held its command"
             yield _fault("note", recording.path.name, drive, found, wanted)
 
