@@ -72,8 +72,9 @@ def test_no_regressor_of_a_nonlinear_search_is_computed_twice(monkeypatch):
     assert found.residual == pytest.approx(data.target - effort, abs=1e-12)
 
 
-def test_a_nonlinear_search_keeps_no_regressor_but_the_best(monkeypatch):
-    """Hours of data would not fit in memory once for each evaluation."""
+@pytest.fixture
+def alive(monkeypatch):
+    """Return a list of how many regressors are in memory whenever one is made."""
     made, alive = [], []
 
     def rows(*arguments):
@@ -82,12 +83,24 @@ def test_a_nonlinear_search_keeps_no_regressor_but_the_best(monkeypatch):
         alive.append(sum(each() is not None for each in made))
         return found
 
+    monkeypatch.setattr(regression, "regression_rows", rows)
+    return alive
+
+
+def test_a_nonlinear_search_keeps_no_regressor_but_the_best(alive):
+    """Hours of data would not fit in memory once for each evaluation."""
     which, data = model("load"), stack([motion_of(vector_of(load_motoring=0.08, load_generating=0.08))])
     start = solve_family(which, data).values * 1.5
-    monkeypatch.setattr(regression, "regression_rows", rows)
+    alive.clear()
     regression.solve(which, data, start=start)
-    assert len(made) > 3
+    assert len(alive) > 3
     assert max(alive) == 2  # the best one, and the one that is tried
+
+
+def test_a_profile_over_stribeck_velocities_keeps_no_regressor(alive):
+    solve_family(model("stribeck"), stack([motion_of(vector_of(stribeck=0.2, stribeck_velocity=0.1))]))
+    assert len(alive) > 6
+    assert max(alive) == 1
 
 
 def test_a_known_gravity_tells_motoring_from_generating_load_friction():

@@ -276,7 +276,7 @@ def _profile_stribeck_velocity(
             found = solve_family(held, data, weights=w, consistent=consistent, after=near)
         except IdentificationError:
             return np.inf  # no sample is slow enough for so small a Stribeck velocity
-        tried[velocity] = found
+        tried[velocity] = replace(found, jacobian=np.empty((0, len(held.names))))  # regressors may be large
         return float(np.sum((found.residual * w) ** 2))
 
     if after is not None:
