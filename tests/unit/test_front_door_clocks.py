@@ -465,11 +465,13 @@ def test_runs_of_different_lengths_have_clocks_of_their_own(tmp_path):
     assert [len(recording) for recording in pl.open(tmp_path / "study").recordings()] == [2000, 1500, 1800]
 
 
-@pytest.mark.parametrize("spare", [0.0, np.nan])
+@pytest.mark.parametrize("spare", [None, 0.0, np.nan])
 def test_files_without_a_header_continue_the_one_with_it(tmp_path, spare):
     columns = swing(seconds=60.0)
-    columns = (*columns, np.full(len(columns[0]), spare))
-    for k, header in enumerate(("time_s,angle_rad,torque_Nm,spare\n", "", "")):
+    names = "time_s,angle_rad,torque_Nm"
+    if spare is not None:
+        columns, names = (*columns, np.full(len(columns[0]), spare)), f"{names},spare"
+    for k, header in enumerate((f"{names}\n", "", "")):
         rows = np.column_stack(columns)[2000 * k : 2000 * (k + 1)]
         text = "\n".join(",".join(f"{x:.5f}" for x in row) for row in rows)
         (tmp_path / f"log_{k}.csv").write_text(f"{header}{text}\n", encoding="utf-8")
