@@ -41,10 +41,28 @@ def answered(tmp_path, **changes):
 
 def test_badge_sentence_and_figure_come_before_everything_else(tmp_path):
     text = answered(tmp_path, sections=(Section("a", "Evidence", ("More.",)),), verdicts=(("warning", "Mind this."),))
-    order = ["Does it hold?", ">Yes</span>", "It errs by 3", 'id="fig-one"', "Mind this.", "<code>a b</code>"]
-    order.append("More.")
+    order = ["Does it hold?", ">Yes</span>", "It errs by 3", 'id="fig-one"', "<code>a b</code>", "Mind this.", "More."]
     places = [text.index(part) for part in order]
     assert places == sorted(places)
+
+
+def test_a_warning_is_no_next_step(tmp_path):
+    text = answered(tmp_path, verdicts=(("warning", "Mind this."),))
+    following = text.partition('id="next"')[2].partition("</div>")[0]
+    assert "<code>a b</code>" in following
+    assert "Mind this." not in following
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"), [("It errs by 3 %.", "Reason: No file is sound."), ("No file is sound: 3 of 3 fail.", "")]
+)
+def test_an_answer_other_than_yes_has_its_reason_once(tmp_path, said, shown):
+    answer = Answer("Does it hold?", "cannot say", said, "no file is sound")
+    page = Page("t", "k", answer=answer)
+    assert page.unsaid_reason == shown
+    text = write_page(tmp_path, page).read_text(encoding="utf-8").partition("<body>")[2]
+    assert text.casefold().count("no file is sound") == 1
+    assert not Page("t", "k", answer=replace(answer, verdict="yes")).unsaid_reason
 
 
 def test_what_does_not_fit_is_folded(tmp_path):

@@ -81,7 +81,7 @@ MAX_SHOWN_PARTS = 8
 """Largest number of single verdicts that are shown with the answer; a table below has more."""
 
 MAX_SHOWN_WARNINGS = 3
-"""Largest number of verdicts that stand between the answer and the evidence."""
+"""Largest number of verdicts that stand between the next steps and the evidence."""
 
 NOTE_HEADINGS = {
     "wrong": "Must be mended",
@@ -159,7 +159,7 @@ class Page:
 
     A page without an answer has a `headline` in its place.
 
-    `verdicts`, of a kind each, tell what to know: the worst stand below the answer, the others at the page's end.
+    `verdicts`, of a kind each, tell what to know: the worst stand below the next steps, the others at the page's end.
     The sections of a `summary` stand on the first screen, side by side where their tables have room.
     """
 
@@ -190,6 +190,15 @@ class Page:
         return _split_headline(self.said)[1]
 
     @property
+    def unsaid_reason(self) -> str:
+        """Why the answer is no, or cannot be said, where the first screen does not say it yet; "" otherwise."""
+        if self.answer is None or self.answer.verdict == "yes" or not self.answer.reason:
+            return ""
+        reason = typeset_sentence(begun(self.answer.reason))
+        is_said = _bare(reason).casefold() in _bare(self.lead).casefold()
+        return "" if is_said else f"Reason: {_split_headline(reason)[0]}"
+
+    @property
     def shown_parts(self) -> tuple[AnswerPart, ...]:
         """Return the verdicts on single joints, conditions or claims, if there are several and not too many."""
         parts = () if self.answer is None else self.answer.parts
@@ -208,7 +217,7 @@ class Page:
 
     @property
     def warnings(self) -> tuple[tuple[str, str], ...]:
-        """Verdicts below the answer: the worst, at most `MAX_SHOWN_WARNINGS`."""
+        """Verdicts below the next steps: the worst, at most `MAX_SHOWN_WARNINGS`."""
         return tuple(v for v in self.verdicts if v[0] in ("wrong", "warning"))[:MAX_SHOWN_WARNINGS]
 
     @property
@@ -230,6 +239,11 @@ class Page:
                 break
             shown.append(section.id)
         return frozenset(shown)
+
+
+def _bare(text: str) -> str:
+    """Return a sentence as it is read, without its full stop."""
+    return " ".join(plain_text(text).split()).rstrip(".")
 
 
 def _split_headline(text: str) -> tuple[str, str]:
