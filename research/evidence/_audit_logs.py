@@ -291,7 +291,7 @@ def _repeated(rng: np.random.Generator, log: DrawnLog) -> tuple[str, set[str]]:
     rows = np.sort(np.append(np.arange(n), rng.choice(n, int(rng.uniform(0.02, 0.1) * n), replace=False)))
     for channel in log.channels:
         channel.samples = channel.samples[rows]
-    return log.of("time")[0].name, {"uneven"}
+    return log.of("time")[0].name, {"repeated"}
 
 
 def _runs_back(rng: np.random.Generator, log: DrawnLog) -> tuple[str, set[str]]:
@@ -426,6 +426,7 @@ def score_logs(seeds: range) -> Score:
             kind, log = draw_log(seed)
             found = pl.audit(write_log(log, Path(folder, "log.csv")))
             alarms = {(v.channel, f.kind) for v in found.alarms for _, f in v.findings if f.level == "alarm"}
+            repaired = {(v.channel, f.kind) for v in found.verdicts for _, f in v.findings if f.level == "repaired"}
             if not kind:
                 score.clean += 1
                 score.false_alarms += bool(alarms)
@@ -434,12 +435,13 @@ def score_logs(seeds: range) -> Score:
                 continue
             channel, kinds = log.sealed
             score.faulty[kind] += 1
-            hit = any(name == channel and each in kinds for name, each in alarms)
+            hit = any(name == channel and each in kinds for name, each in alarms | repaired)
             score.found[kind] += hit
             others = {name for name, _ in alarms} - {channel}
             score.misplaced += bool(others)
             if not hit or others:
-                score.said.append(f"{seed} {kind} in {channel}: {'hit' if hit else 'MISSED'}, {sorted(alarms)}")
+                told = sorted(alarms | repaired)
+                score.said.append(f"{seed} {kind} in {channel}: {'hit' if hit else 'MISSED'}, {told}")
     return score
 
 

@@ -825,9 +825,10 @@ def _show_audit(
         print_answer(console, found.answer)
         rows = [(v.channel, v.holds, v.verdict) for v in found.verdicts]
         print_short_table(console, ("channel", "holds", "verdict"), rows)
-        marks = {"alarm": "warning", "note": "note"}
         said = [
-            (marks[level], f"{v.channel}: {typeset_quantities(text)}") for v in found.verdicts for level, text in v.said
+            ("warning" if level == "alarm" else "note", f"{v.channel}: {typeset_quantities(text)}")
+            for v in found.verdicts
+            for level, text in v.said
         ]
         unread = [("wrong", file.unread) for file in found.unread]
         print_items(console, [*unread, *sorted(said, key=lambda item: item[0] == "note")], 18)

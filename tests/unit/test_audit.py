@@ -78,8 +78,10 @@ def test_a_fault_is_named_at_its_channel_and_nowhere_else(tmp_path, fault):
     columns = clean_log()
     columns[channel] = spoil(columns[channel])
     found = pl.audit(written(tmp_path, columns))
-    assert kind in {f.kind for v in found.alarms if v.channel == channel for _, f in v.findings}, str(found)
-    assert {v.channel for v in found.alarms} == {channel}, str(found)
+    level = "repaired" if kind == "missing_samples" else "alarm"
+    told = [v for v in found.verdicts if v.level in ("alarm", "repaired")]
+    assert kind in {f.kind for v in told for _, f in v.findings if f.level == level}, str(found)
+    assert {v.channel for v in told} == {channel}, str(found)
 
 
 def test_a_measurement_that_is_its_own_command_is_an_echo(tmp_path):
@@ -99,8 +101,8 @@ def test_rows_of_garbage_at_an_edge_are_one_finding(tmp_path):
         x[:7] = 1.125e282 if name != "time [s]" else [5e4, 4e4, 3e3, 1e3, 900.0, 80.0, 60.0]
         x[-2:] = -3e17 if name != "time [s]" else 0.0
     found = pl.audit(written(tmp_path, columns))
-    (verdict,) = found.alarms
-    assert verdict.verdict == "garbage rows"
+    (verdict,) = [v for v in found.verdicts if v.level != "sound"]
+    assert (verdict.verdict, verdict.level) == ("garbage rows", "repaired")
     assert "first 7 and the last 2 of 6000 rows" in verdict.sentences[0], verdict.sentences
 
 
@@ -266,16 +268,100 @@ def test_notes_on_the_file_stay_beside_a_clock_with_gaps(tmp_path):
     assert {f.kind for _, f in clock.findings} == {"clock", "damaged_rows"}
 
 
+def test_a_signal_that_is_switched_is_sound_and_a_flickering_one_is_dead(tmp_path):
+    """A square wave of 0 and 5 N was called dead, and should have been recorded again."""
+    columns = clean_log()
+    columns["pulses_N"] = np.where(np.arange(COUNT) % 2000 < 900, 5.0, 0.0)
+    columns["load [N]"] = np.repeat([0.0, 2.0, 9.0, 10.0, 0.0, 2.0], COUNT // 6)
+    found = pl.audit(written(tmp_path, columns))
+    assert found.is_sound, str(found)
+    pulses, load = found.verdicts[-2:]
+    assert (pulses.verdict, pulses.level) == ("sound", "sound")
+    assert "switched signal or marker: 0 and 5 N" in pulses.sentences[0]
+    assert "0, 2, 9 and 10 N" in load.sentences[0]
+    columns["pulses_N"] = np.where(np.random.default_rng(1).random(COUNT) > 0.5, 5.0, 0.0)
+    assert [v.verdict for v in pl.audit(written(tmp_path, columns)).alarms] == ["dead"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "why"),
+    [
+        ("torque_limit [N*m]", 12.0, "a setting"),
+        ("max_current [A]", 8.0, "a setting"),
+        ("operating mode", 3.0, "a setting"),
+        ("motor temperature [degC]", 35.0, "a setting, or not connected"),
+        ("Present_Voltage [V]", 12.1, "a supply"),
+    ],
+)
+def test_a_setting_that_never_changes_is_constant_and_not_dead(tmp_path, name, value, why):
+    columns = clean_log() | {name: np.full(COUNT, value)}
+    found = pl.audit(written(tmp_path, columns))
+    assert found.is_sound, str(found)
+    assert (found.verdicts[-1].verdict, found.verdicts[-1].level) == ("constant", "note")
+    assert why in found.verdicts[-1].sentences[0]
+
+
+@pytest.mark.parametrize("name", ["angle [rad]", "torque_meas [N*m]", "velocity [rad/s]"])
+def test_a_measured_channel_that_never_changes_is_dead(tmp_path, name):
+    columns = clean_log()
+    columns[name] = np.full(COUNT, 0.5)
+    assert [v.verdict for v in pl.audit(written(tmp_path, columns)).alarms] == ["dead"]
+
+
+def test_a_joint_that_rests_beside_one_that_moves_is_not_dead(tmp_path):
+    columns = clean_log()
+    columns |= {f"gripper {name}": np.full(COUNT, 0.2) for name in ("angle [rad]", "velocity [rad/s]", "torque [N*m]")}
+    found = pl.audit(written(tmp_path, columns))
+    assert found.is_sound, str(found)
+    assert "at rest, or not connected" in found.verdicts[-1].sentences[0]
+
+
+def test_what_reading_repairs_is_no_reason_to_record_again(tmp_path):
+    """`try` left out the repeated packets and said yes, and the audit left out the clock."""
+    columns = clean_log()
+    rows = np.sort(np.append(np.arange(COUNT), np.random.default_rng(2).choice(COUNT, 150, replace=False)))
+    columns = {name: x[rows] for name, x in columns.items() if "EMG" not in name}
+    columns["angle [rad]"][3000:3003] = np.nan
+    path = written(tmp_path, columns)
+    found = pl.audit(path)
+    assert found.is_sound, str(found)
+    clock, angle = found.verdicts[:2]
+    assert (clock.verdict, clock.level) == ("repeated packets", "repaired")
+    assert "150 repeated packets" in clock.sentences[0]
+    assert (angle.verdict, angle.level) == ("missing samples", "repaired")
+    assert "Reading repairs time [s] (repeated packets), angle [rad] (missing samples)" in found.headline
+    assert found.answer.next_command.startswith("pellucid init my-study --from")
+    columns["angle [rad]"][1000:5000] = np.nan
+    assert [v.verdict for v in pl.audit(written(tmp_path, columns)).alarms] == ["missing samples"]
+
+
+def test_a_clock_that_starts_again_is_joined_as_by_reading(tmp_path):
+    columns = clean_log()
+    del columns["EMG biceps [V]"]
+    ticks = (np.round(1e3 * columns.pop("time [s]")) + 60_000) % 65_536
+    found = pl.audit(written(tmp_path, {"tick_ms": ticks, **columns}))
+    assert found.is_sound, str(found)
+    assert "starts again after 65.536 s" in found.verdicts[0].sentences[0]
+
+
+def test_a_file_that_describes_the_recordings_is_not_audited(tmp_path):
+    written(tmp_path, clean_log())
+    for name in ("ORIGINAL_README.txt", "LICENSE.txt", "readme-first.txt"):
+        (tmp_path / name).write_text("1 2 3\nsome words about it\n", encoding="utf-8")
+    assert [file.name for file in pl.audit(tmp_path).files] == ["log.csv"]
+
+
 def test_an_audit_names_alike_channels_in_one_step_and_asks_for_a_rate(tmp_path):
     log = clean_log()
     del log["time [s]"]
     for name in ("angle [rad]", "torque_meas [N*m]"):
         log[name] = 0.0 * log[name]
-    steps = pl.audit(written(tmp_path, log)).answer.following
+    path = written(tmp_path, log)
+    steps = pl.audit(path).answer.following
     assert steps == (
-        "Give the rate of files without a column of time by --rate HZ.",
+        "Give the rate of files without a column of time by `--rate HZ`.",
         "Record again, or leave out of the study: angle [rad], torque_meas [N*m] (dead).",
-        "Then audit the files again.",
+        f"Then audit the files again: `pellucid audit {path}`.",
     )
 
 

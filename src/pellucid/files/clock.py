@@ -45,6 +45,12 @@ class ClockLimits:
     # A line through the neighbours on one side replaces the line through both sides if it leaves less than this
     # share of the variance: between the two sides the rate changes, or samples are missing.
     one_sided_share: float = 0.5
+    # A clock that rolls over advances everywhere else in at least this share of its steps.
+    min_rising_share: float = 0.97
+    # A clock that rolls over advances at the jump by at most this many usual steps.
+    max_rollover_steps: float = 50.0
+    # A clock that rolls over falls by at least this share of its range.
+    min_rollover_fall_share: float = 0.5
 
 
 CLOCK_LIMITS = ClockLimits()
@@ -91,6 +97,43 @@ def unwrap_clock(values: np.ndarray, period: float) -> np.ndarray:
         starts |= np.diff(x) < -0.5 * period
         stamps[known] += period * np.concatenate(([0], np.cumsum(starts)))
     return stamps
+
+
+CLOCK_PERIODS = (
+    *(float(2**bits) for bits in (8, 10, 12, 15, 16, 24, 31, 32)),
+    *(1e3, 1e4, 1e5, 1e6, 1e9, 60.0, 3600.0, 86400.0, 86_400_000.0),
+)
+"""Numbers after which clocks start again: counters of some bits, a second, a minute, an hour and a day."""
+
+
+def find_clock_period(values: np.ndarray) -> float | None:
+    """Return the number after which a clock, shape (n,), starts again at 0; None if it does not.
+
+    Everywhere else it advances. At the jump it advances by a usual step, if the period is added. One jump is enough
+    where the period is one that clocks have.
+    """
+    known = values[np.isfinite(values)]
+    if len(known) < 20 or known.min() < 0.0:
+        return None
+    steps = np.diff(known)
+    falls = np.flatnonzero(steps < -CLOCK_LIMITS.min_rollover_fall_share * float(np.ptp(known)))
+    rest = np.delete(steps, falls)
+    positive = rest[rest > 0.0]
+    if not len(falls) or len(positive) < 10 or np.mean(rest >= 0.0) < CLOCK_LIMITS.min_rising_share:
+        return None
+    usual = float(np.median(positive))
+    largest = CLOCK_LIMITS.max_rollover_steps * usual
+    fallen = -steps[falls]
+    fitting = [
+        period
+        for period in CLOCK_PERIODS
+        if known.max() <= period and np.all(period - fallen > -1e-9 * period) and np.all(period - fallen <= largest)
+    ]
+    if fitting:
+        return min(fitting, key=lambda period: abs(float(np.median(period - fallen)) - usual))
+    # An unknown period shows itself by equal jumps, of which each ends near 0.
+    is_alike = len(falls) >= 3 and float(np.ptp(fallen)) <= 3.0 * usual and np.all(known[falls + 1] <= largest)
+    return float(np.mean(fallen)) + usual if is_alike else None
 
 
 def first_deliveries(time: np.ndarray, samples: Mapping[str, np.ndarray]) -> np.ndarray:

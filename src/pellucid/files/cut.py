@@ -18,6 +18,12 @@ MAX_EVEN_JITTER = 0.1
 """Samples count as unevenly spaced if 1 in 100 time steps is off by more than this share of the usual step. Chosen by
 judgement; no measurement is recorded."""
 
+DEFAULT_CUT_SHARE = 0.1
+"""A recording is used if at most this share of its samples is cut out, unless its study states another share."""
+
+MAX_MISSING_SHARE = 0.5
+"""Above this share of missing samples, a recording has other faults than losses. Chosen by judgement."""
+
 BRIDGED_LOWPASS_PERIODS = 0.5
 """Interpolation over a gap of up to so many periods of the low-pass loses nothing that the filter would keep."""
 

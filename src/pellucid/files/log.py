@@ -18,15 +18,15 @@ from pathlib import Path
 
 import numpy as np
 
-from .clock import first_deliveries
-from .cut import MAX_EVEN_JITTER, MIN_GAP_STEP_RATIO
+from .clock import find_clock_period, first_deliveries, unwrap_clock
+from .cut import DEFAULT_CUT_SHARE, MAX_EVEN_JITTER, MAX_MISSING_SHARE, MIN_GAP_STEP_RATIO
 from .defects import constant, echoed, frozen, garbage, held, limited, magnitude, missing, sensor_range, spikes
 from .defects.clipped import flat_tops
 from .defects.watched import INERTIAL_CHANNELS, find_runs
 from .file_facts import NOMINAL_RATE_FACT, find_rate
 from .name_evidence import is_emg_by_unit
 from .personal_fields import PersonalField, find_personal_columns, find_personal_lines
-from .quantity import EFFORT_QUANTITIES, Quantity, joint_words, quantity_of
+from .quantity import EFFORT_QUANTITIES, Quantity, is_setting, joint_words, quantity_of
 from .readers._columns import Columns
 from .readers.csv import ENDINGS, MAX_HEADER_LINES
 from .recording import Channel
@@ -34,8 +34,17 @@ from .recording import Channel
 ALARM_LEVEL = "alarm"
 """Level of a finding without whose cause the channel must not be used as it is."""
 
+REPAIRED_LEVEL = "repaired"
+"""Level of a finding that reading repairs: what is wrong is left out or interpolated, and the channel may be used."""
+
 NOTE_LEVEL = "note"
 """Level of a finding that a user should know and that needs no repair."""
+
+SOUND_LEVEL = "sound"
+"""Level of a finding that describes a sound channel."""
+
+LEVELS = (ALARM_LEVEL, REPAIRED_LEVEL, NOTE_LEVEL, SOUND_LEVEL)
+"""Levels of findings, the gravest first."""
 
 MAX_HEADER_BYTES = 1 << 16
 """Everything above the numbers of a text file lies within this many bytes."""
@@ -73,8 +82,10 @@ class LogLimits:
     min_repeated_share: float = 0.02
     # More rows than this that repeat one row are a rest of everything that is logged.
     max_repeated_rows: int = 5
-    # More missing samples than this share are an alarm; fewer are a note.
-    max_missing_share: float = 0.001
+    # A channel with at most this many values that keeps each for at least this many rows in half of its stretches is
+    # switched: it is a pulse, a marker or a load that somebody places. The last digit of a dead channel flickers.
+    max_switched_levels: int = 8
+    min_switched_rows: int = 20
     # In a channel that may jump, a spike is this many times as high as the range of nearly all samples.
     min_peak_ratio: float = 30.0
     # A channel with more spikes than this is spiky by itself.
@@ -102,6 +113,12 @@ SETTING_QUANTITIES = (
 STEADY_QUANTITIES = ("temperature", "supply")
 """Quantities that a sensor may measure as one value throughout."""
 
+REGRESSED_QUANTITIES = ("position", "velocity", *EFFORT_QUANTITIES)
+"""Quantities that a joint is identified from: the processing that `init` proposes leaves out many missing samples."""
+
+SWITCHED_QUANTITIES = ("", "temperature", "supply", *EFFORT_QUANTITIES)
+"""Quantities that a switch may set. A joint and a muscle take values between any two."""
+
 UNLIMITED_QUANTITIES = (*STEADY_QUANTITIES, "enabled", "state", "counter", "stiffness", "damping")
 """Quantities whose extremes are no limits of a drive or of a sensor."""
 
@@ -123,6 +140,8 @@ VERDICT_WORDS = {
     "mvc_artefact": "short peaks",
     "clock": "uneven clock",
     "spike": "glitches",
+    "repeated": "repeated packets",
+    "rollover": "clock starts again",
     missing.KIND: "missing samples",
     held.KIND: "another clock",
     "uneven": "uneven clock",
@@ -131,6 +150,7 @@ VERDICT_WORDS = {
     "personal": "personal",
     "computed": "computed",
     "constant": "constant",
+    "switched": "sound",
     "text": "text",
     "truncated": "truncated",
     "damaged_rows": "damaged rows",
@@ -138,6 +158,9 @@ VERDICT_WORDS = {
 }
 """Words for each kind of finding, the one that decides a channel's verdict first."""
 
+
+LEFT_OUT_WORDS = "left out when the log is read"
+"""What reading does with samples that it repairs."""
 
 _QUOTED_TEXT = re.compile(r'"([^"]*)"')
 
@@ -158,7 +181,7 @@ class LogFinding:
     found : str
         Description of what was found, without channel and file.
     level : str
-        ``"alarm"`` or ``"note"``.
+        ``"alarm"``, ``"repaired"``, ``"note"`` or ``"sound"``.
     first, last : int
         First and last sample concerned; -1 where the whole channel is concerned.
     size : float
@@ -332,25 +355,32 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     others = {n: c.samples for n, c in table.items() if n != log.time and c.quantity.kind != "time"}
     rows = garbage.find_garbage(table[log.time].samples if log.time in table else None, others)
     if rows is not None:
-        text = f"{rows.where} of {longest} rows are garbage: {rows.cause}"
-        found.append(LogFinding(garbage.KIND, log.time or "time", text, ALARM_LEVEL, 0, rows.head - 1))
+        text = f"{rows.where} of {longest} rows are garbage: {rows.cause}; {LEFT_OUT_WORDS}"
+        found.append(LogFinding(garbage.KIND, log.time or "time", text, REPAIRED_LEVEL, 0, rows.head - 1))
         kept = rows.between(longest)
         table = {n: replace(c, samples=c.samples[kept]) for n, c in table.items()}
         channels |= table
         longest = kept.stop - kept.start
     zeroed = garbage.zeroed_rows({n: c.samples for n, c in table.items()})
     if zeroed.any():
-        found.append(LogFinding(garbage.KIND, log.time or "time", garbage.zeroed_text(zeroed), ALARM_LEVEL))
+        text = f"{garbage.zeroed_text(zeroed)}; {LEFT_OUT_WORDS}"
+        found.append(LogFinding(garbage.KIND, log.time or "time", text, REPAIRED_LEVEL))
         table = {n: replace(c, samples=c.samples[~zeroed]) for n, c in table.items()}
         channels |= table
         longest = int(np.sum(~zeroed))
+    repeated = _repeated_packets(log, table)
+    if repeated.any():
+        count = int(repeated.sum())
+        text = f"{count} repeated packets ({count} of {longest} rows); {LEFT_OUT_WORDS}"
+        found.append(LogFinding("repeated", log.time, text, REPAIRED_LEVEL, size=count / longest))
+        table = {n: replace(c, samples=c.samples[~repeated]) for n, c in table.items()}
+        channels |= table
+        longest -= count
     found += _time_findings(log, channels)
     moving = {n: c for n, c in channels.items() if c.quantity.kind != "time" and n != log.time}
     repeats = _repeated_rows([c.samples for c in moving.values() if len(c.samples) == longest])
     short = _in_short_runs(repeats)
-    if short.sum() > LOG_LIMITS.min_repeated_share * len(short) and not any(
-        f.kind == "uneven" and "twice" in f.found for f in found
-    ):
+    if short.sum() > LOG_LIMITS.min_repeated_share * len(short):
         text = f"{int(short.sum())} of {len(short)} rows repeat the row before: the log is written faster than it fills"
         found.append(LogFinding("uneven", log.time or "time", text, NOTE_LEVEL))
     if repeats.any():
@@ -366,6 +396,14 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     found += [LogFinding("text", name, "text, which is not read", NOTE_LEVEL) for name in log.texts if name not in told]
     found += [LogFinding("personal", p.label, f"a {p.kind} at {p.place}: remove it", ALARM_LEVEL) for p in log.personal]
     return tuple(found)
+
+
+def _repeated_packets(log: Log, table: Mapping[str, LogChannel]) -> np.ndarray:
+    """Return a mask of the rows of a table that reading leaves out because they repeat the packet before."""
+    beside = {n: c.samples for n, c in table.items() if c.quantity.kind != "time" and n != log.time}
+    if log.time not in table:
+        return np.zeros(max((len(c.samples) for c in table.values()), default=0), bool)
+    return ~first_deliveries(table[log.time].samples, beside)
 
 
 def _repeated_rows(columns: Sequence[np.ndarray]) -> np.ndarray:
@@ -393,6 +431,12 @@ def _time_findings(log: Log, channels: Mapping[str, LogChannel]) -> Iterator[Log
         return
     channel = channels[log.time]  # the longest column
     time = channel.samples
+    period = find_clock_period(time / channel.quantity.factor)
+    if period is not None:
+        period *= channel.quantity.factor
+        time = unwrap_clock(time, period)
+        text = f"the clock starts again after {period:.6g}{channel.unit}; its parts are joined"
+        yield LogFinding("rollover", log.time, f"{text} when the log is read", REPAIRED_LEVEL)
     known = np.isfinite(time)
     steps = np.diff(time[known])
     if not np.all(known):
@@ -402,16 +446,11 @@ def _time_findings(log: Log, channels: Mapping[str, LogChannel]) -> Iterator[Log
         yield LogFinding("uneven", log.time, "time does not advance")
         return
     usual, unit = float(np.median(positive)), channel.unit
-    same = {n: c.samples for n, c in channels.items() if n != log.time and len(c.samples) == len(time)}
-    repeats = int(np.sum(~first_deliveries(time, same)))
-    if repeats:
-        text = f"{repeats} of {len(time)} rows repeat the row before: packets that came twice"
-        yield LogFinding("uneven", log.time, text, ALARM_LEVEL, size=repeats / len(time))
     back = np.flatnonzero(steps < 0.0)
     if back.size:
         text = f"time runs back {back.size} times, first after {time[known][back[0]]:.6g}{unit}"
         yield LogFinding("uneven", log.time, text, first=int(back[0]))
-    elif not repeats and np.any(steps == 0.0) and np.mean(steps == 0.0) < 0.9:
+    elif np.any(steps == 0.0) and np.mean(steps == 0.0) < 0.9:
         share = float(np.mean(steps == 0.0))
         text = f"{100 * share:.3g} % of the rows have the time of the row before: the clock is coarser than the rows"
         yield LogFinding("uneven", log.time, text, size=share)
@@ -425,8 +464,9 @@ def _time_findings(log: Log, channels: Mapping[str, LogChannel]) -> Iterator[Log
     long = positive[positive > max(LOG_LIMITS.min_gap_steps, 1.3 * float(np.quantile(positive, 0.98)) / usual) * usual]
     if long.size:
         many = "a gap" if long.size == 1 else f"{long.size} gaps"
-        yield LogFinding("uneven", log.time, f"{many} of up to {long.max():.4g}{unit}, {usual:.4g}{unit} is usual")
-    if jitter > MAX_EVEN_JITTER and not repeats:
+        text = f"{many} of up to {long.max():.4g}{unit}, {usual:.4g}{unit} is usual: cut out when the log is read"
+        yield LogFinding("uneven", log.time, text, REPAIRED_LEVEL)
+    if jitter > MAX_EVEN_JITTER:
         text = f"steps differ from {usual:.4g}{unit} by {100 * jitter:.3g} % in 1 of 100 rows: stamped on arrival"
         out = float(np.mean(np.abs(positive / usual - 1.0) > LOG_LIMITS.max_steady_jitter))
         level = ALARM_LEVEL if out > LOG_LIMITS.max_jittering_share else NOTE_LEVEL
@@ -462,17 +502,25 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
         first = int(np.flatnonzero(~known)[0])
         runs = find_runs(~known)[0].size
         many = f"{gone} of {len(x)} samples are missing, in {runs} stretch{'es' if runs > 1 else ''}"
-        level = ALARM_LEVEL if gone > LOG_LIMITS.max_missing_share * len(x) else NOTE_LEVEL
-        yield LogFinding(missing.KIND, name, many, level, first)
+        most = MAX_MISSING_SHARE if quantity.kind in REGRESSED_QUANTITIES else DEFAULT_CUT_SHARE
+        if gone > most * len(x):
+            yield LogFinding(missing.KIND, name, f"{many}: more than {100 * most:.3g} %", ALARM_LEVEL, first)
+        else:
+            yield LogFinding(missing.KIND, name, f"{many}; {LEFT_OUT_WORDS}", REPAIRED_LEVEL, first)
     levels = channel.levels
     measures = quantity.kind not in SETTING_QUANTITIES and quantity.role in ("", "measured")
     if levels is not None and levels.size <= 1:
         value = float(levels[0]) if levels.size else 0.0
-        if measures and quantity.kind not in STEADY_QUANTITIES and _something_moves(channel, others):
-            yield LogFinding(constant.KIND, name, f"the one value {value:z.6g}{unit} in every row", size=value)
+        text, why = f"the one value {value:z.6g}{unit} in every row", _why_constant(channel, others)
+        if why:
+            yield LogFinding("constant", name, f"{text}: {why}", NOTE_LEVEL, size=value)
         else:
-            text = f"the one value {value:z.6g}{unit} in every row: a setting, or not connected"
-            yield LogFinding("constant", name, text, NOTE_LEVEL, size=value)
+            yield LogFinding(constant.KIND, name, text, size=value)
+        return
+    switched = _switched_levels(channel)
+    if switched is not None:
+        values = f"{', '.join(f'{level:.6g}' for level in switched[:-1])} and {switched[-1]:.6g}"
+        yield LogFinding("switched", name, f"a switched signal or marker: {values}{unit}, each for long", SOUND_LEVEL)
         return
     if levels is not None and measures and quantity.kind in (*EFFORT_QUANTITIES, "emg", "acceleration"):
         values = ", ".join(f"{level:.6g}" for level in levels)
@@ -504,6 +552,40 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
             many = "a spike" if len(glitches) == 1 else f"{len(glitches)} spikes, the largest"
             text = f"{many} of {largest[2]:.4g}{unit} at row {largest[0]}"
             yield LogFinding("spike", name, text, ALARM_LEVEL, largest[0], largest[1], largest[2])
+
+
+def _why_constant(channel: LogChannel, others: Mapping[str, LogChannel]) -> str:
+    """Return why a channel of one value need not be recorded again; "" for a measurement that is dead."""
+    quantity = channel.quantity
+    if is_setting(channel.name):
+        return "a setting"
+    measures = quantity.kind not in SETTING_QUANTITIES and quantity.role in ("", "measured")
+    if not measures or quantity.kind in STEADY_QUANTITIES or not _something_moves(channel, others):
+        return "a setting, or not connected"
+    own = [c for c in others.values() if c.joint == channel.joint and c.quantity.role in ("", "measured")]
+    if quantity.kind == "voltage" and any(c.quantity.kind in EFFORT_QUANTITIES and c.levels is None for c in own):
+        return "a supply, beside the effort of the same drive"
+    is_joint_still = all(c.levels is not None and c.levels.size <= 1 for c in own if c.quantity.kind != "")
+    if channel.joint and is_joint_still and len({c.quantity.kind for c in own}) > 2:
+        return "no channel of this joint changes: it was at rest, or not connected"
+    return ""
+
+
+def _switched_levels(channel: LogChannel) -> np.ndarray | None:
+    """Return the few values between which a channel is switched, each kept for long; None for any other channel."""
+    x = channel.samples[np.isfinite(channel.samples)]
+    if channel.quantity.kind not in SWITCHED_QUANTITIES:
+        return None
+    # A few hundred samples are enough to tell that most channels take many values.
+    if np.unique(x[:: max(1, len(x) // 300)]).size > LOG_LIMITS.max_switched_levels:
+        return None
+    levels = np.unique(x)
+    if not 2 <= levels.size <= LOG_LIMITS.max_switched_levels:
+        return None
+    edges = np.concatenate(([0], np.flatnonzero(np.diff(x)) + 1, [len(x)]))
+    kept, lengths = x[edges[:-1]], np.diff(edges)
+    shortest = min(float(np.median(lengths[kept == level])) for level in levels)
+    return levels if shortest >= LOG_LIMITS.min_switched_rows else None
 
 
 def _spread(x: np.ndarray) -> float:
@@ -660,7 +742,7 @@ def _told_from_clipping(
             if ends:
                 unit = own.quantity.unit
                 said = "; ".join(f"{end.samples} rows {sensor_range.describe_end(end, unit)}" for end in ends)
-                finding = replace(finding, kind="clipped", found=said)
+                finding = replace(finding, kind="clipped", found=f"{said}; {LEFT_OUT_WORDS}", level=REPAIRED_LEVEL)
         told.append(finding)
     return told
 

@@ -24,6 +24,13 @@ from .name_evidence import (
 EFFORT_QUANTITIES = ("torque", "force", "current", "voltage", "duty")
 """Quantities that drive a joint."""
 
+SETTING_WORDS = frozenset({
+    "limit", "limits", "lim", "max", "min", "maximum", "minimum", "threshold", "gain", "gains", "mode", "setting",
+    "settings", "config", "parameter", "param", "rated", "rating", "tolerance", "bound", "ratio", "constant", "const",
+    "offset", "bias", "baud", "version", "id", "address", "kp", "ki", "kd",
+})  # fmt: skip
+"""Words of names of columns that a user sets and that nothing measures."""
+
 KINDS_OF_SENSORS = {"angular_velocity": "velocity", "linear_acceleration": "acceleration"}
 """Kinds of quantities that only the sensor distinguishes from those of a joint."""
 
@@ -66,6 +73,11 @@ def quantity_of(name: str, unit: str = "") -> Quantity:
     roles = {"computed": found.is_computed, "command": found.is_command, "measured": found.is_measured}
     role = next((role for role, is_said in roles.items() if is_said), "")
     return Quantity(KINDS_OF_SENSORS.get(kind, kind), role, text, factor)
+
+
+def is_setting(name: str) -> bool:
+    """Return whether a word of a column's name says that it holds a setting, such as a limit or a gain."""
+    return bool(SETTING_WORDS.intersection(words_of(name)))
 
 
 def joint_words(name: str) -> str:

@@ -16,7 +16,7 @@ from ..files.defects.garbage import zeroed_rows
 from ..files.file_facts import stated_units
 from ..files.name_evidence import read_name, words_of
 from ..files.personal_fields import PersonalField
-from ..files.readers import Columns, read_columns
+from ..files.readers import Columns, describes_files, read_columns
 from ..files.readers._comma import TWO_READINGS
 from .inference.emg_spectrum import FlatShape, common_rows, find_flat_shape
 
@@ -27,9 +27,6 @@ IGNORED_ENDINGS = (
     ".pdf", ".md", ".yaml", ".yml", ".toml", ".py", ".m", ".html", ".png", ".jpg", ".svg", ".zip", ".docx",
 )  # fmt: skip
 """Endings of files that are no recordings."""
-
-IGNORED_NAMES = ("license", "licence", "readme", "original_readme", "notice", "citation", "changelog")
-"""Beginnings of names of files that are no recordings."""
 
 SHEET_ENDINGS = (".xlsx", ".xlsm", ".ods")
 """Endings of workbooks."""
@@ -118,7 +115,7 @@ def read_given(files: Iterable[str | os.PathLike]) -> GivenFiles:
         if path.suffix.lower() in MODEL_ENDINGS:
             models.append(path)
             continue
-        if path.suffix.lower() in IGNORED_ENDINGS or path.name.casefold().startswith(IGNORED_NAMES):
+        if path.suffix.lower() in IGNORED_ENDINGS or describes_files(path):
             unread.append((path, "no recording by its name"))
             continue
         try:

@@ -25,6 +25,7 @@ from pydantic import (
 
 from .._errors import IdentificationError, StudyError
 from .._given import parse_toml, read_given
+from ..files.cut import DEFAULT_CUT_SHARE
 from ..files.recording import MAXIMAL_PROTOCOL
 from ..models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME
 from ..units import parse_quantity, si_text, to_si_factor
@@ -884,7 +885,7 @@ class Processing(StudyTable):
     trim: int = Field(0, ge=0)
     velocity: Literal["differentiated", "recorded"] = "differentiated"
     cut: Literal["automatic", "none"] = "automatic"
-    cut_share: float = Field(0.1, ge=0, lt=1)
+    cut_share: float = Field(DEFAULT_CUT_SHARE, ge=0, lt=1)
 
     @field_validator("sliding_means")
     @classmethod

@@ -41,14 +41,15 @@ def audit_emg(
     PellucidError
         If no channel of EMG is found.
     """
-    found = audit(_recordings_of(files), rate=rate, on_progress=on_progress)
+    given = tuple(map(os.fspath, files))
+    found = audit(_recordings_of(given), rate=rate, on_progress=on_progress)
     verdicts = tuple(v for v in found.verdicts if v.holds.split(",")[0].split(" ")[0] == "emg")
     if not verdicts:
         names = ", ".join(v.channel for v in found.verdicts)
         raise PellucidError(f"emg quality: found no channel of EMG among {names}, expected one or more")
     named = {v.channel for v in verdicts}
     files = tuple(f for f in found.files if f.log is None or any(visible_text(c.name) in named for c in f.log.channels))
-    return replace(found, files=files, verdicts=verdicts, question=QUALITY_QUESTION)
+    return replace(found, files=files, verdicts=verdicts, paths=given, command="emg quality", question=QUALITY_QUESTION)
 
 
 def _recordings_of(files: Iterable[str | os.PathLike]) -> list[Path]:

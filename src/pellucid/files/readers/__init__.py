@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from ._columns import Columns as Columns
+from .read import describes_files as describes_files
 from .read import read as read
 from .read import read_columns as read_columns

@@ -23,6 +23,7 @@ from types import ModuleType
 from ..._errors import DamagedRowsWarning, PellucidError, PluginError, RecordingError, TruncatedFileWarning
 from ..._given import require_path
 from ..._plugins import load_plugins, require_attributes
+from ..name_evidence import words_of
 from ..stated_units import unit_from_text
 from ._caps import require_few_columns, require_file_size, require_short_names
 from ._columns import Columns
@@ -34,6 +35,9 @@ from ._unread_formats import UNREAD_FORMATS
 MAX_SNIFFED_BYTES = 4096
 """Number of first bytes that identify the format of a file with an unknown ending."""
 
+
+DESCRIBING_STEMS = frozenset({"readme", "license", "licence", "notice", "citation", "changelog", "attribution"})
+"""Words of names of files that describe the recordings beside them, such as ORIGINAL_README.txt."""
 
 MIN_SNIFFED_NUMBERS = 8
 """A file with an unknown ending is a table of text if its beginning holds at least so many numbers."""
@@ -132,6 +136,12 @@ def read_columns(path: str | os.PathLike) -> Columns:
         raise RecordingError(f"{path.name}: found no numeric column{first}")
     lost = reader.lost_end(path) if hasattr(reader, "lost_end") else ""
     return replace(columns, lost=lost) if lost else columns
+
+
+def describes_files(path: Path) -> bool:
+    """Return whether a file describes the recordings beside it, by the first or the last word of its name."""
+    words = words_of(path.stem)
+    return bool(DESCRIBING_STEMS.intersection((*words[:1], *words[-1:])))
 
 
 def find_lost_end(path: Path) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...files.clock import MAX_RESTART_SHARE, unwrap_clock
+from ...files.clock import CLOCK_LIMITS, MAX_RESTART_SHARE, find_clock_period, unwrap_clock
 from ...files.name_evidence import NameEvidence
 
 UNIT_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
@@ -31,7 +31,7 @@ class TimeLimits:
     serial_days: tuple[tuple[float, ...], ...] = ((28_900.0, 60_300.0), (722_900.0, 754_300.0))
     # Time may stand still or fall in at most the remaining share of steps, as stale packets and restarts make it
     # do.
-    min_rising_share: float = 0.97
+    min_rising_share: float = CLOCK_LIMITS.min_rising_share
     # A clock that stands still in more than this share of steps is coarser than the samples: only its mean rate is
     # used.
     max_repeated_share: float = 0.5
@@ -46,10 +46,6 @@ class TimeLimits:
     max_off_step_share: float = 0.02
     # The usual step of stamps that jitter is the median advance over this many rows.
     lag_rows: int = 50
-    # A clock that rolls over advances at the jump by at most this many usual steps.
-    max_rollover_steps: float = 50.0
-    # A clock that rolls over falls by at least this share of its range.
-    min_rollover_fall_share: float = 0.5
     # A clock starts again with each trial only if each has so many rows.
     min_trial_rows: int = 50
     # Trials are parted by so many usual steps, which no interpolation bridges.
@@ -161,43 +157,6 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
 def _ends_in_time(evidence: NameEvidence) -> bool:
     """Whether a name ends in the symbol of time, as in ``encoder.t``: of a column that advances, it means no torque."""
     return re.split(r"[./\\:]", evidence.bare)[-1].casefold() in ("t", "ts")
-
-
-CLOCK_PERIODS = (
-    *(float(2**bits) for bits in (8, 10, 12, 15, 16, 24, 31, 32)),
-    *(1e3, 1e4, 1e5, 1e6, 1e9, 60.0, 3600.0, 86400.0, 86_400_000.0),
-)
-"""Numbers after which clocks start again: counters of some bits, a second, a minute, an hour and a day."""
-
-
-def find_clock_period(values: np.ndarray) -> float | None:
-    """Return the number after which a clock, shape (n,), starts again at 0; None if it does not.
-
-    Everywhere else it advances. At the jump it advances by a usual step, if the period is added. One jump is enough
-    where the period is one that clocks have.
-    """
-    known = values[np.isfinite(values)]
-    if len(known) < 20 or known.min() < 0.0:
-        return None
-    steps = np.diff(known)
-    falls = np.flatnonzero(steps < -TIME_LIMITS.min_rollover_fall_share * float(np.ptp(known)))
-    rest = np.delete(steps, falls)
-    positive = rest[rest > 0.0]
-    if not len(falls) or len(positive) < 10 or np.mean(rest >= 0.0) < TIME_LIMITS.min_rising_share:
-        return None
-    usual = float(np.median(positive))
-    largest = TIME_LIMITS.max_rollover_steps * usual
-    fallen = -steps[falls]
-    fitting = [
-        period
-        for period in CLOCK_PERIODS
-        if known.max() <= period and np.all(period - fallen > -1e-9 * period) and np.all(period - fallen <= largest)
-    ]
-    if fitting:
-        return min(fitting, key=lambda period: abs(float(np.median(period - fallen)) - usual))
-    # An unknown period shows itself by equal jumps, of which each ends near 0.
-    is_alike = len(falls) >= 3 and float(np.ptp(fallen)) <= 3.0 * usual and np.all(known[falls + 1] <= largest)
-    return float(np.mean(fallen)) + usual if is_alike else None
 
 
 def _trial_period(values: np.ndarray, period: float | None, signals: Sequence[np.ndarray]) -> float | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ...files.cut import BRIDGED_LOWPASS_PERIODS, MIN_GAP_STEP_RATIO
+from ...files.cut import BRIDGED_LOWPASS_PERIODS, MAX_MISSING_SHARE, MIN_GAP_STEP_RATIO
 from ...files.defects.watched import find_runs
 from ...numerics.filters import zero_phase_lowpass
 from ...numerics.motion import Filtering, settling_samples, shortest
@@ -39,9 +39,8 @@ class ProcessingLimits:
     # Share of the samples that has to lie between unbridged losses far enough apart for a regression. The low-pass
     # is lowered, so that longer losses are bridged, and less is thinned, until it is reached. Chosen by judgement.
     min_kept_share: float = 0.8
-    # Above this share of missing samples, or of samples between losses that are too close for a regression, a
-    # recording has other faults than losses. Chosen by judgement.
-    max_missing_share: float = 0.5
+    # The same bound holds for the samples between losses that are too close for a regression.
+    max_missing_share: float = MAX_MISSING_SHARE
     # The allowed share exceeds what is missing by this share, for losses are not spread evenly.
     cut_share_margin: float = 0.1
     # Fewest samples that are left out at each border.

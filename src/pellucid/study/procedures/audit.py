@@ -13,10 +13,10 @@ from ..._domains import offered
 from ..._errors import PellucidError, RecordingError
 from ..._given import visible_text
 from ..._printed_command import printed_command
-from ...files.defects import garbage
-from ...files.log import ALARM_LEVEL, NOTE_LEVEL, VERDICT_WORDS, Log, LogFinding, inspect_log, log_of
+from ...files.defects import echoed, garbage
+from ...files.log import ALARM_LEVEL, LEVELS, REPAIRED_LEVEL, VERDICT_WORDS, Log, LogFinding, inspect_log, log_of
 from ...files.quantity import EFFORT_QUANTITIES
-from ...files.readers.read import read_columns, readers_by_ending
+from ...files.readers.read import describes_files, read_columns, readers_by_ending
 from ...numerics.arguments import with_checked_arguments
 from ..answer import Answer, AnswerPart, Basis, Step
 from ..pages.quantities import unit_text
@@ -28,11 +28,18 @@ SOUND_VERDICT = "sound"
 MAX_LISTED_FILES = 3
 """A sentence lists at most this many files by name."""
 
-TEXT_FILE_STEMS = ("README", "LICENSE", "LICENCE", "NOTICE", "CHANGELOG", "ATTRIBUTION")
-"""Stems of files other than logs in a folder of logs."""
+CORRECTIONS = {
+    VERDICT_WORDS["no_time"]: "Give the rate of files without a column of time by `--rate HZ`",
+    VERDICT_WORDS["personal"]: "Remove what identifies a person from the files: {channels}",
+    VERDICT_WORDS["unit"]: "Correct the unit of {channels}",
+    VERDICT_WORDS["exchanged"]: "Correct the names of {channels}",
+    VERDICT_WORDS["impossible"]: "Correct the unit of {channels}, or record again without the impossible values",
+    VERDICT_WORDS[echoed.KIND]: "Log what the sensor measures, or leave out of the study: {channels} (echoed)",
+}
+"""What to do with the channels of a verdict, where it is something else than `RECORD_AGAIN`."""
 
-CORRECTIONS = {VERDICT_WORDS["no_time"]: "Give the rate of files without a column of time by --rate HZ"}
-"""Corrections that need no new recording, by verdict."""
+RECORD_AGAIN = "Record again, or leave out of the study: {channels} ({verdict})"
+"""What to do with unsound channels."""
 
 READING_SHARE = 0.9
 """Share of reading and checking in the time of an audit; the rest draws its page."""
@@ -83,7 +90,7 @@ class ChannelVerdict:
     verdict : str
         The gravest thing that was found, such as ``"dead"``; ``"sound"`` if nothing was.
     level : str
-        ``"alarm"``, ``"note"`` or ``"sound"``.
+        ``"alarm"``, ``"repaired"``, ``"note"`` or ``"sound"``.
     said : tuple of (str, str)
         Level and sentence of each thing that was found, with its files, the gravest first.
     findings : tuple of (str, LogFinding)
@@ -114,7 +121,11 @@ class Audit:
     verdicts : tuple of ChannelVerdict
         One for each channel, in the order of the files' columns; the clock's is the first.
     paths : tuple of str
-        Paths of the files.
+        Files and folders as they were given.
+    options : tuple of str
+        Options that were given, as words of a command.
+    command : str
+        Command that audits them.
     question : str
         Question that the audit answers.
     """
@@ -122,6 +133,8 @@ class Audit:
     files: tuple[AuditedFile, ...]
     verdicts: tuple[ChannelVerdict, ...]
     paths: tuple[str, ...] = ()
+    options: tuple[str, ...] = ()
+    command: str = "audit"
     question: str = "May this log be used as it is?"
 
     @property
@@ -149,6 +162,9 @@ class Audit:
             are = "channel is" if count == 1 else "channels is" if len(self.alarms) == 1 else "channels are"
             names = ", ".join(f"{v.channel} ({v.verdict})" for v in self.alarms)
             text = f"{len(self.alarms)} of {count} {are} unsound in {files}: {names}."
+        repaired = ", ".join(f"{v.channel} ({v.verdict})" for v in self.verdicts if v.level == REPAIRED_LEVEL)
+        if repaired:
+            text += f" Reading repairs {repaired}."
         if self.unread:
             text += f" {len(self.unread)} could not be read."
         return text
@@ -181,11 +197,13 @@ class Audit:
         for verdict in self.alarms:
             alike.setdefault(verdict.verdict, []).append(verdict.channel)
         steps = [
-            Step(CORRECTIONS.get(kind) or f"Record again, or leave out of the study: {', '.join(names)} ({kind})")
+            Step(CORRECTIONS.get(kind, RECORD_AGAIN).format(channels=", ".join(names), verdict=kind))
             for kind, names in alike.items()
         ]
-        steps += [Step(f"{file.name} cannot be read: {file.unread}") for file in self.unread]
-        return (*steps, Step("Then audit the files again"))
+        unread = ", ".join(file.name for file in self.unread)
+        steps += [Step(f"Correct or remove what cannot be read: {unread}")] if unread else []
+        again = printed_command(self.command, *self.paths, *self.options)
+        return (*steps, Step("Then audit the files again", line=again))
 
     def table(self) -> dict[str, object]:
         """Return everything as a table for JSON."""
@@ -255,6 +273,7 @@ def audit(
     ...     {verdict.channel: verdict.verdict for verdict in pl.audit(path).verdicts}
     {'t [s]': 'sound', 'angle [rad]': 'sound', 'torque [N*m]': 'dead'}
     """
+    files = files if isinstance(files, (str, os.PathLike)) else tuple(files)
     paths = _paths_of(files)
     names = _short_names(paths)
     audited = []
@@ -271,7 +290,9 @@ def audit(
     if all(file.unread for file in audited):
         raise RecordingError("\n".join(file.unread for file in audited))
     audited = _with_findings_of_all(audited)
-    return Audit(tuple(audited), tuple(_verdicts(audited)), tuple(map(str, paths)))
+    given = [files] if isinstance(files, (str, os.PathLike)) else list(files)
+    options = () if rate is None else ("--rate", f"{rate:g}")
+    return Audit(tuple(audited), tuple(_verdicts(audited)), tuple(os.fspath(each) for each in given), options)
 
 
 def _with_findings_of_all(files: Sequence[AuditedFile]) -> list[AuditedFile]:
@@ -302,7 +323,7 @@ def _paths_of(files: str | os.PathLike | Iterable[str | os.PathLike]) -> list[Pa
     for path in map(Path, given):
         if path.is_dir():
             inside = (p for p in sorted(path.rglob("*")) if p.is_file() and p.suffix.lower() in endings)
-            paths += [p for p in inside if p.stem.upper() not in TEXT_FILE_STEMS]
+            paths += [p for p in inside if not describes_files(p)]
         else:
             paths.append(path)
     if not paths:
@@ -347,7 +368,7 @@ def _verdict_on(
     channel: str, files: Sequence[AuditedFile], holds: str, found: Sequence[tuple[AuditedFile, LogFinding]]
 ) -> ChannelVerdict:
     kinds = sorted(
-        {f.kind for _, f in found}, key=lambda kind: (_level(found, kind) != ALARM_LEVEL, _VERDICT_ORDER[kind])
+        {f.kind for _, f in found}, key=lambda kind: (LEVELS.index(_level(found, kind)), _VERDICT_ORDER[kind])
     )
     said = []
     for kind in kinds:
@@ -359,12 +380,13 @@ def _verdict_on(
 
 
 def _level(found: Sequence[tuple[AuditedFile, LogFinding]], kind: str) -> str:
-    return ALARM_LEVEL if any(f.level == ALARM_LEVEL for _, f in found if f.kind == kind) else NOTE_LEVEL
+    """Return the gravest level of the findings of a kind."""
+    return min((f.level for _, f in found if f.kind == kind), key=LEVELS.index)
 
 
 def _sentence(found: Sequence[tuple[AuditedFile, LogFinding]], files: Sequence[AuditedFile]) -> str:
     """Return what was found of one kind, in the words for the file in which it is largest, and in which files it is."""
-    worst, finding = max(found, key=lambda each: (each[1].level == ALARM_LEVEL, finding_size(each[1])))
+    worst, finding = min(found, key=lambda each: (LEVELS.index(each[1].level), -finding_size(each[1])))
     if len(files) == 1:
         return visible_text(finding.found)
     having = list(dict.fromkeys(file.name for file, _ in found))

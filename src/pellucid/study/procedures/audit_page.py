@@ -5,19 +5,29 @@ Draw the channels of a log that an audit found unsound, each over the file in wh
 
 from __future__ import annotations
 
+from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...files.log import ALARM_LEVEL, VERDICT_WORDS, Log, LogChannel, LogFinding
+from ...files.log import (
+    ALARM_LEVEL,
+    NOTE_LEVEL,
+    REPAIRED_LEVEL,
+    SOUND_LEVEL,
+    VERDICT_WORDS,
+    Log,
+    LogChannel,
+    LogFinding,
+)
 from ..drawing.drawing import Drawing, Head, draw, heads, line, tidy
 from ..drawing.style import FIGURE_WIDTH, colour
 from ..pages.forest import Row, Table
 from ..pages.page import Page, Section, Tile, write_page
 from ..pages.quantities import typeset_quantities, unit_text
-from .audit import SOUND_VERDICT, Audit, ChannelVerdict, finding_size
+from .audit import Audit, ChannelVerdict, finding_size
 
 PANEL_HEIGHT = 1.35
 """Height of a panel [in]."""
@@ -103,11 +113,12 @@ def write_audit_page(found: Audit, folder: Path) -> Path:
 
 
 def _tiles(found: Audit) -> tuple[Tile, ...]:
-    sound = sum(v.level == SOUND_VERDICT for v in found.verdicts)
+    counts = Counter(v.level for v in found.verdicts)
     return (
         Tile("unsound", f"{len(found.alarms)}", "", f"of {len(found.verdicts)} channels"),
-        Tile("with a note", f"{len(found.verdicts) - len(found.alarms) - sound}", "", "usable, with care"),
-        Tile("sound", f"{sound}", "", "nothing was found"),
+        Tile("repaired", f"{counts[REPAIRED_LEVEL]}", "", "when the log is read"),
+        Tile("with a note", f"{counts[NOTE_LEVEL]}", "", "usable, with care"),
+        Tile("sound", f"{counts[SOUND_LEVEL]}", "", "nothing was found"),
         Tile("files", f"{len(found.files)}", "", f"{len(found.unread)} not read"),
     )
 
