@@ -7,11 +7,13 @@ so that a slow moment of the machine meets all; figures are medians of the opera
 
 from __future__ import annotations
 
+import json
 import os
 import statistics
 import subprocess
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -47,20 +49,47 @@ print(np.linalg.lstsq(block[:, :-1], block[:, -1], rcond=None)[0])
 """Python code of the same fit with NumPy and SciPy alone."""
 
 
-def processor_seconds(*arguments: str) -> float:
-    """User and system seconds of one run of this Python, with its byte code kept as an installed package's is."""
+MEASURED_RUN = """
+import json, os, subprocess, sys
+started = subprocess.Popen([sys.executable, *sys.argv[1:]], stdout=subprocess.DEVNULL)
+_, status, used = os.wait4(started.pid, 0)
+started.returncode = os.waitstatus_to_exitcode(status)
+unit = 1 if sys.platform == "darwin" else 1024
+print(json.dumps([started.returncode, used.ru_utime + used.ru_stime, used.ru_maxrss * unit]))
+"""
+"""Python code that runs Python and prints exit status, processor seconds and peak memory [bytes].
+
+The system counts the memory of the starting process as the started one's peak, so that a small process starts it."""
+
+
+@dataclass(frozen=True)
+class Use:
+    """Resources that one run of a program used."""
+
+    seconds: float  # user and system time of the process and those that it started and awaited [s]
+    peak_bytes: int  # largest resident memory of one of these processes
+
+
+def run_measured(*arguments: str) -> Use:
+    """Run this Python once, with its byte code kept as an installed package's is, and return what it used."""
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    started = subprocess.Popen(
-        [sys.executable, *arguments],
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", MEASURED_RUN, *arguments],
         cwd=Path(__file__).parents[2],
-        stdout=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
         env={"OPENBLAS_NUM_THREADS": "1", **kept},
     )
-    _, status, used = os.wait4(started.pid, 0)
-    started.returncode = os.waitstatus_to_exitcode(status)
-    if started.returncode:
-        raise RuntimeError(f"{' '.join(arguments)}: exit status {started.returncode}")
-    return used.ru_utime + used.ru_stime
+    status, seconds, peak_bytes = json.loads(done.stdout)
+    if status:
+        raise RuntimeError(f"{' '.join(arguments)}: exit status {status}")
+    return Use(seconds, peak_bytes)
+
+
+def processor_seconds(*arguments: str) -> float:
+    """Return user and system seconds of one run of this Python."""
+    return run_measured(*arguments).seconds
 
 
 def run() -> list[dict]:
@@ -89,7 +118,8 @@ def run() -> list[dict]:
     for name, values in taken.items():
         spread = f"{min(values):.3g} to {max(values):.3g} in {REPEAT_COUNT} runs"
         note = f"processor, a fresh process on '{study.name}'; {spread}"
-        rows.append({"name": name, "value": medians[name], "unit": "s", "note": note})
+        shown = f"identify {study.name.upper()}" if name == "pellucid identify" else name
+        rows.append({"name": shown, "value": medians[name], "unit": "s", "note": note})
     together = sum(medians[f"pellucid {name}"] for name in COMMANDS)
     rows.append({"name": f"pellucid {', '.join(COMMANDS)}", "value": together, "unit": "s", "note": "sum of the three"})
     ratio = together / medians["plain NumPy and SciPy: least squares"]

@@ -5,7 +5,11 @@
   least-squares fit in NumPy and SciPy.
 - `simulate` of six people who point, compared with the same movements in memory; `assess` of them, compared with
   PyArrow, which reads the same files.
-- second call of `fit_joint`, compared with a filter and NumPy's least squares on the same arrays.
+- second call of `fit_joint`, compared with a filter and NumPy's least squares on the same arrays; and the first call in
+  a fresh process.
+- `audit` of a file with 1,000 columns, most of which are sums and differences of others.
+
+Peak memory is that of the largest process of a command.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +29,7 @@ from scipy import signal
 import pellucid as pl
 
 from ._size import sized
-from .commands import COMMAND_LINE, processor_seconds
+from .commands import COMMAND_LINE, Use, processor_seconds, run_measured
 from .identification import study_at
 from .people import COMMON_EXPONENTS
 
@@ -33,6 +38,9 @@ REPEAT_COUNT = sized(3, smallest=1)
 
 LONG_SAMPLE_COUNTS = sized((100_000, 7_200_000), smallest=(20_000,))
 """Samples of the long recordings, at 1 kHz."""
+
+LONG_COLUMN_COUNT = 3
+"""Columns of the long recordings."""
 
 SAMPLING_RATE_HZ = 1000.0
 """Sampling rate of the long recordings [Hz]."""
@@ -86,6 +94,21 @@ for i, person in enumerate(draw_people(rig, np.random.default_rng(1))):
 """
 """Python code that plays the movements of a study of people in memory."""
 
+FIRST_FIT = """
+import sys
+import numpy as np
+import pellucid as pl
+t, q, effort = np.load(sys.argv[1])
+pl.fit_joint(t, q, effort, lowpass=20.0, decimate=10)
+"""
+"""Python code of the first fit of a process."""
+
+MARKER_COUNT = 30
+"""Markers of the audited file; its other columns are sums and differences of their coordinates."""
+
+AUDITED_COLUMN_COUNT = sized(1000, smallest=100)
+"""Columns of the audited file beside its time."""
+
 READ_FILES = """
 import sys
 from pathlib import Path
@@ -101,9 +124,8 @@ def run() -> Iterator[dict]:
     """Rows of name, value, unit, note."""
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
-        for rows in (short_commands, long_recordings, studies_of_people):
+        for rows in (short_commands, audits, fits, long_recordings, studies_of_people):
             yield from rows(folder)
-        yield from second_fits()
 
 
 def short_commands(folder: Path) -> list[dict]:
@@ -113,9 +135,36 @@ def short_commands(folder: Path) -> list[dict]:
         processor_seconds("-c", COMMAND_LINE, name, str(study))
     python = ("-c", "pass")
     return [
-        *ratio_rows("version over python", ("-c", COMMAND_LINE, "--version"), python),
-        *ratio_rows("report again over python", ("-c", COMMAND_LINE, "report", str(study)), python),
+        *ratio_rows("version over python", uses_by_turns(("-c", COMMAND_LINE, "--version"), python)),
+        *ratio_rows("report again over python", uses_by_turns(("-c", COMMAND_LINE, "report", str(study)), python)),
     ]
+
+
+def audits(folder: Path) -> list[dict]:
+    """Rows of the audit of many smooth columns that depend on each other."""
+    path, pages = folder / "markers.csv", folder / "audit"
+    write_markers(path, AUDITED_COLUMN_COUNT)
+    arguments = ("-c", COMMAND_LINE, "audit", str(path), "--out", str(pages))
+    used = [processor_seconds(*arguments) for _ in range(REPEAT_COUNT)]
+    note = f"processor, 3,000 rows: {MARKER_COUNT} markers, sums and differences; {len(used)} runs"
+    name = f"audit of {AUDITED_COLUMN_COUNT:,} columns"
+    return [{"name": name, "value": statistics.median(used), "unit": "s", "note": note}]
+
+
+def write_markers(path: Path, count: int) -> None:
+    """Write `count` columns at 100 Hz: smooth coordinates of markers, then their sums and differences."""
+    t, rng = np.arange(3_000) / 100.0, np.random.default_rng(1)
+    waves = rng.uniform((50.0, 0.2, 0.0), (200.0, 1.5, 6.0), (MARKER_COUNT, 3, 3)).transpose(2, 0, 1)[..., None]
+    columns = list(np.sum(waves[0] * np.sin(2.0 * np.pi * waves[1] * t + waves[2]), axis=1))
+    for one, other in combinations(range(MARKER_COUNT), 2):
+        columns += [columns[one] + columns[other], columns[one] - columns[other]]
+    for one, other in combinations(range(MARKER_COUNT, len(columns)), 2):
+        if len(columns) >= count:
+            break
+        columns.append(columns[one] + columns[other])
+    header = ",".join(["time [s]", *(f"M{i + 1}.x [mm]" for i in range(count))])
+    table = np.column_stack([t, *columns[:count]])
+    np.savetxt(path, table, "%.3f", ",", header=header, comments="")
 
 
 def long_recordings(folder: Path) -> list[dict]:
@@ -128,8 +177,13 @@ def long_recordings(folder: Path) -> list[dict]:
         path = study / "recordings" / "long.csv"
         write_recording(path, count)
         rival = ("-c", PANDAS_FIT, str(path))
-        name = f"identify {count:.3g} over pandas".replace("e+05", "e5").replace("e+06", "e6").replace("e+04", "e4")
-        rows += ratio_rows(name, ("-c", COMMAND_LINE, "identify", str(study)), rival)
+        name = f"identify {count:.3g}".replace("e+05", "e5").replace("e+06", "e6").replace("e+04", "e4")
+        uses = uses_by_turns(("-c", COMMAND_LINE, "identify", str(study)), rival)
+        rows += ratio_rows(f"{name} over pandas", uses)
+        column_bytes = count * LONG_COLUMN_COUNT * np.dtype(float).itemsize
+        share = statistics.median(ours.peak_bytes for ours, _ in uses) / column_bytes
+        note = f"{LONG_COLUMN_COUNT} columns of float64, {1e-6 * column_bytes:.3g} MB"
+        rows.append({"name": f"{name}, peak memory over columns", "value": share, "unit": "1", "note": note})
         path.unlink()
     return rows
 
@@ -158,14 +212,22 @@ def studies_of_people(folder: Path) -> list[dict]:
     study = folder / "people"
     processor_seconds("-c", COMMAND_LINE, "init", str(study), "--rig", "elbow-people")
     simulate = ("-c", COMMAND_LINE, "simulate", str(study))
-    rows = ratio_rows("simulate over in memory", simulate, ("-c", IN_MEMORY), repeats=1)
-    return rows + ratio_rows(
-        "assess over reading", ("-c", COMMAND_LINE, "assess", str(study)), ("-c", READ_FILES, str(study)), repeats=1
-    )
+    pairs = {
+        "simulate over in memory": (simulate, ("-c", IN_MEMORY)),
+        "assess over reading": (("-c", COMMAND_LINE, "assess", str(study)), ("-c", READ_FILES, str(study))),
+    }
+    rows = []
+    for name, (ours, rival) in pairs.items():
+        uses = uses_by_turns(ours, rival, repeats=1)
+        rows += ratio_rows(name, uses)
+        peak = 1e-6 * max(use.peak_bytes for use, _ in uses)
+        command = name.partition(" over ")[0]
+        rows.append({"name": f"{command}, peak memory", "value": peak, "unit": "MB", "note": "2,400 movements"})
+    return rows
 
 
-def second_fits() -> list[dict]:
-    """Rows of the second call of `fit_joint` on twenty seconds at 1 kHz."""
+def fits(folder: Path) -> list[dict]:
+    """Rows of the first and the second call of `fit_joint` on twenty seconds at 1 kHz."""
     t = np.arange(20_000) / SAMPLING_RATE_HZ
     q = 0.5 * np.sin(2.0 * np.pi * 0.13 * t) + 0.3 * np.sin(2.0 * np.pi * 0.47 * t + 1.0)
     v = np.gradient(q, t)
@@ -184,7 +246,12 @@ def second_fits() -> list[dict]:
 
     ours()
     pairs = [(call_seconds(ours), call_seconds(plain)) for _ in range(4 * REPEAT_COUNT)]
-    return told("fit_joint second over lstsq", pairs)
+    arrays = folder / "joint.npy"
+    np.save(arrays, np.stack([t, q, effort]))
+    first = [processor_seconds("-c", FIRST_FIT, str(arrays)) for _ in range(2 * REPEAT_COUNT)]
+    note = f"processor, the whole of a fresh process; {len(first)} runs"
+    row = {"name": "first fit_joint", "value": statistics.median(first), "unit": "s", "note": note}
+    return [row, *told("fit_joint second over lstsq", pairs)]
 
 
 def call_seconds(call: Callable[[], object]) -> float:
@@ -194,9 +261,16 @@ def call_seconds(call: Callable[[], object]) -> float:
     return time.process_time() - begin
 
 
-def ratio_rows(name: str, ours: tuple[str, ...], rival: tuple[str, ...], *, repeats: int = REPEAT_COUNT) -> list[dict]:
-    """Run two programs by turns, and return rows of what both took and of their ratio."""
-    return told(name, [(processor_seconds(*ours), processor_seconds(*rival)) for _ in range(repeats)])
+def uses_by_turns(
+    ours: tuple[str, ...], rival: tuple[str, ...], *, repeats: int = REPEAT_COUNT
+) -> list[tuple[Use, Use]]:
+    """Run two programs by turns, and return what both used."""
+    return [(run_measured(*ours), run_measured(*rival)) for _ in range(repeats)]
+
+
+def ratio_rows(name: str, uses: list[tuple[Use, Use]]) -> list[dict]:
+    """Return rows of the processor seconds of two programs and of their ratio."""
+    return told(name, [(ours.seconds, rival.seconds) for ours, rival in uses])
 
 
 def told(name: str, pairs: list[tuple[float, float]]) -> list[dict]:
