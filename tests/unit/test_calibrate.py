@@ -215,7 +215,8 @@ def test_short_gaps_of_angles_are_interpolated_and_longer_ones_end_a_piece(tmp_p
 
 def alike_errors(*rmse):
     """Test errors of an estimator that errs by the same amount in every sample of a test."""
-    return ConditionTestErrors(("fast", "slow"), rmse, 1.0, errors=tuple(np.full(9, each) for each in rmse))
+    errors = tuple(np.full(9, each) for each in rmse)
+    return ConditionTestErrors(("fast", "slow"), rmse, 1.0, errors=errors, band_errors=errors)
 
 
 def told(estimator, rmse, recording="a", tests=None, what="knee"):

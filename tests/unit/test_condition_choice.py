@@ -1,6 +1,5 @@
 """Which estimator is named for movements unlike those fitted."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,7 +39,7 @@ def test_candidates_that_err_alike_and_apart_are_averaged():
     assert chosen.weights == pytest.approx({"hill": 0.5, "ridge": 0.5}, abs=0.05)
     assert len(chosen.jackknife) == 3
     # Half of two independent errors of the same size leaves 1/sqrt(2) of it.
-    both = combine_tests({"hill": told(*drawn(1, 1.0)), "ridge": told(*drawn(2, 1.0))}, chosen.weights)
+    both = combine_tests({"hill": told(*drawn(1, 1.0)), "ridge": told(*drawn(2, 1.0))}, chosen)
     assert both.mean == pytest.approx(np.sqrt(0.5), abs=0.05)
     assert chosen.predict({"hill": np.ones(2), "ridge": -np.ones(2)}) == pytest.approx(np.zeros(2), abs=0.1)
 
@@ -126,17 +125,16 @@ def test_several_recordings_are_left_out_whole_and_many_together_by_speed():
     assert sorted(i for t in many for i in t.judged) == sorted({i for t in many for i in t.judged})
 
 
-def test_within_one_recording_fast_strides_and_the_most_of_effort_and_speed_judge():
+def test_a_single_recording_gives_its_band_by_halves_with_a_gap():
     one = trial(seconds=8.0)
-    speed = np.repeat([1.0, 2.0], 400)
-    phase = np.cumsum(2.0 * np.pi * speed / 100.0)
-    one = replace(one, angles={"hip": one.angles["hip"], "knee": -0.7 + 0.4 * np.sin(phase)})
-    fast, slow, effort, moving = make_condition_tests([one])
-    assert np.mean(fast.judged >= 400) > 0.85
-    assert set(fast.judged) == set(slow.fitted)
-    total = np.sum(list(one.envelopes.values()), axis=0)
-    assert total[effort.judged].mean() > 2.0 * total[effort.fitted].mean()
-    assert len(moving.judged) == pytest.approx(0.2 * 770, abs=20)
+    first, second = make_condition_tests([one])
+    assert (first.words, second.words) == ("without the first half", "without the second half")
+    assert second.judged.min() - second.fitted.max() >= 20  # samples at 100 Hz
+    assert first.fitted.min() - first.judged.max() >= 20
+    assert len(first.judged) == pytest.approx(370, abs=5)  # 0.3 s at the beginning are nobody's
+    found = run_condition_tests(fit_torque_map([one], "ridge"), [one])
+    assert (len(found.errors), len(found.band_errors), found.conditions) == (5, 2, 1)
+    assert found.left_out_coverage is None
 
 
 def test_muscles_and_maps_are_fitted_again_and_judged_on_the_same_samples():

@@ -18,8 +18,9 @@ weight is recommended alone.
 The tests say nothing of a recording that is unlike all fitted ones, by its angles and envelopes. There the candidate
 that extrapolates best by its form is recommended: muscles held by anatomy.
 
-The error band follows from harder tests of a single recording: slow strides test what was fitted to fast ones, and the
-reverse; the fifth of the samples with the most effort, and the fifth with the most speed, test the rest.
+The error band follows from conditions that are held out in turn, or from both halves of a single recording. Each is
+predicted by candidates that are refitted to the others, with weights that the others alone chose: the band also carries
+what the choice costs.
 
 .. [1] L. Breiman, "Stacked regressions", Machine Learning 24, 1996.
 """
@@ -35,7 +36,6 @@ import numpy as np
 from ..._errors import IdentificationError
 from ..fit.muscle_calibration import MuscleProblem, solve_calibration
 from .adaptive_correction import UncoupledMap, uncouple_trial
-from .causal_map import STRIDE_SEARCH, find_period
 from .cross_validation import block_folds
 from .families import ESTIMATOR_FAMILIES, STACKED
 from .hill import HillMap
@@ -58,12 +58,6 @@ Chosen by judgement; no measurement is recorded.
 
 LEFT_OUT_WORDS = "without"
 """Beginning of the description of a test that leaves out a condition."""
-
-FITTED_CALM_SHARE = 0.8
-"""Share of the samples that are fitted if those with the most effort or speed are the test set.
-
-Chosen by judgement; no measurement is recorded.
-"""
 
 
 @dataclass(frozen=True)
@@ -104,15 +98,16 @@ class ConditionTestErrors:
     words: tuple[str, ...]  # Description of each test
     rmse: tuple[float, ...]  # RMSE in each test [N m]; NaN if the estimator could not be fitted
     half_width: float  # Half width of the band that should hold the share `ERROR_BAND.share` in other conditions [N m]
-    conditions: int = 1  # Number of recordings, sessions or repetitions left out in turn; 1: parts of a single one
+    conditions: int = 1  # Number of recordings, sessions or repetitions left out in turn; 1: halves of a single one
     # Share of the errors of each test within the band that the other tests give; None with fewer than three tests
     left_out_coverage: float | None = None
     # Errors in each test, shape (n,) each [N m], and the weights of their samples by the noise model
     errors: tuple[np.ndarray, ...] = field(default=(), repr=False, compare=False)
     weights: tuple[np.ndarray, ...] = field(default=(), repr=False, compare=False)
     shares: tuple[float, ...] = ()  # How much each test counts in the choice; empty: the same
-    # Errors in the tests that give the band, shape (n,) each [N m]
+    # Errors in the tests that give the band, shape (n,) each [N m], and the weights of their samples
     band_errors: tuple[np.ndarray, ...] = field(default=(), repr=False, compare=False)
+    band_weights: tuple[np.ndarray, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def mean(self) -> float:
@@ -166,15 +161,26 @@ def predict_without_each_test(
 
 def recommend(found: Mapping[str, ConditionTestErrors]) -> Recommendation:
     """Return the weights of the candidates, from results of the same tests by name."""
-    finite = np.isfinite([each.rmse for each in found.values()])
-    whole = np.flatnonzero(finite.all(axis=0))
+    first = next(iter(found.values()))
+    return _recommend({name: each.errors for name, each in found.items()}, first.weights, first.shares)
+
+
+def _recommend(
+    errors: Mapping[str, Sequence[np.ndarray]], weights: Sequence[np.ndarray], shares: Sequence[float]
+) -> Recommendation:
+    """Return the weights of candidates from the errors of each in the same tests, shape (n,) each [N m].
+
+    `weights` are those of the samples of each test, and `shares` how much each counts; empty: all the same.
+    """
+    names, count = list(errors), len(next(iter(errors.values())))
+    whole = np.array([i for i in range(count) if all(_is_known(own[i]) for own in errors.values())], int)
     if not len(whole):
-        raise IdentificationError(f"choice: found no test recording that {', '.join(found)} all predict, expected one")
-    moments = np.array([_error_moments(list(found.values()), i) for i in whole])
-    names, shares = list(found), np.array(next(iter(found.values())).shares or np.ones(finite.shape[1]))[whole]
+        raise IdentificationError(f"choice: found no test recording that {', '.join(names)} all predict, expected one")
+    moments = np.array([_error_moments([own[i] for own in errors.values()], weights, i) for i in whole])
+    each_share = np.array(shares or np.ones(count))[whole]
 
     def solve(kept: np.ndarray) -> dict[str, float]:
-        total = np.average(moments[kept], axis=0, weights=shares[kept])
+        total = np.average(moments[kept], axis=0, weights=each_share[kept])
         return _solve_weights(names, total + np.eye(len(names)) * np.diag(total).min() / len(kept))
 
     every = np.arange(len(whole))
@@ -182,10 +188,15 @@ def recommend(found: Mapping[str, ConditionTestErrors]) -> Recommendation:
     return Recommendation(solve(every), left_out)
 
 
-def _error_moments(each: Sequence[ConditionTestErrors], test: int) -> np.ndarray:
+def _is_known(errors: np.ndarray) -> bool:
+    """Return whether an estimator predicted every sample of a test, from its errors, shape (n,) [N m]."""
+    return bool(len(errors) and np.isfinite(errors).all())
+
+
+def _error_moments(each: Sequence[np.ndarray], weights: Sequence[np.ndarray], test: int) -> np.ndarray:
     """Return the mean products of the candidates' weighed errors in a test, shape (k, k)."""
-    errors = np.column_stack([one.errors[test] for one in each])
-    weight = each[0].weights[test] if each[0].weights else np.ones(len(errors))
+    errors = np.column_stack(each)
+    weight = weights[test] if len(weights) else np.ones(len(errors))
     return (weight[:, None] * errors).T @ errors / len(errors)
 
 
@@ -217,37 +228,46 @@ def find_extrapolator(found: Mapping[str, ConditionTestErrors]) -> str | None:
     return min(held, key=lambda name: np.nan_to_num(found[name].mean, nan=np.inf), default=None)
 
 
-def combine_tests(found: Mapping[str, ConditionTestErrors], weights: Mapping[str, float]) -> ConditionTestErrors:
-    """Return the test errors of the weighted mean of candidates."""
-    first = found[next(iter(weights))]
-    if len(weights) == 1:
-        return first
-    errors, band_errors = (
-        [np.sum([w * getattr(found[n], kind)[i] for n, w in weights.items()], axis=0) for i in range(count)]
-        for kind, count in (("errors", len(first.errors)), ("band_errors", len(first.band_errors)))
+def combine_tests(found: Mapping[str, ConditionTestErrors], chosen: Recommendation) -> ConditionTestErrors:
+    """Return the test errors of what was recommended, from results of the same tests by name.
+
+    Each condition that gives the band is predicted by what the other conditions alone recommend.
+    """
+    first = next(iter(found.values()))
+    errors = [chosen.predict({n: found[n].errors[i] for n in chosen.weights}) for i in range(len(first.errors))]
+    left_out = {n: each.band_errors for n, each in found.items()}
+    count = len(first.band_errors)
+    known = sum(all(_is_known(own[i]) for own in left_out.values()) for i in range(count))
+    without = _recommend(left_out, first.band_weights, ()).jackknife if known > 1 else {}
+    band_errors = [
+        weighted_mean(without.get(i, chosen.weights), {n: own[i] for n, own in left_out.items()}) for i in range(count)
+    ]
+    return _report_errors(
+        first.words, errors, first.weights, first.shares, band_errors, first.band_weights, first.conditions
     )
-    return _report_errors(first.words, errors, first.weights, band_errors, first.conditions, first.shares)
 
 
 def _report_errors(
     words: Sequence[str],
     errors: Sequence[np.ndarray],
     weights: Sequence[np.ndarray],
-    band_errors: Sequence[np.ndarray],
-    conditions: int,
     shares: Sequence[float],
+    band_errors: Sequence[np.ndarray],
+    band_weights: Sequence[np.ndarray],
+    conditions: int,
 ) -> ConditionTestErrors:
     """Return what errors in tests, shape (n,) each [N m], say of an estimator."""
     return ConditionTestErrors(
         tuple(words),
         tuple(float(np.sqrt(np.mean(e**2))) if len(e) else float("nan") for e in errors),
-        find_error_band(band_errors, conditions),
+        find_error_band(band_errors),
         conditions,
-        find_left_out_coverage(band_errors, conditions),
+        find_left_out_coverage(band_errors) if conditions > 1 else None,
         tuple(errors),
         tuple(weights),
         tuple(shares),
         tuple(band_errors),
+        tuple(band_weights),
     )
 
 
@@ -284,31 +304,19 @@ def _make_block_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...
 
 
 def make_condition_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...]:
-    """Return the tests that these trials allow.
-
-    Several conditions are held out in turn. A single one is divided into parts that differ from each other.
-    """
+    """Return tests that hold out several conditions in turn, or each half of a single one with a gap between them."""
     counted = np.concatenate([np.arange(len(t)) >= count_warm_up_samples(t) for t in trials])
-
-    def test(words: str, fitted: np.ndarray, judged: np.ndarray) -> ConditionTest:
-        return ConditionTest(words, np.flatnonzero(fitted & counted), np.flatnonzero(judged & counted))
-
     of = _condition_of_each_trial(trials)
-    conditions = _group_conditions(trials, of)
-    if len(conditions) > 1:
+    if len(set(of)) > 1:
         member = np.repeat(of, [len(t) for t in trials])
-        parts = [(f"{LEFT_OUT_WORDS} {', '.join(out)}", np.isin(member, out)) for out in conditions]
-        return tuple(test(words, ~inside, inside) for words, inside in parts)
-    (trial,) = trials
-    v = _joint_speed(trial)
-    slow = _is_slow_stride(v, trial.fs)
-    effort = np.mean([x / max(float(np.quantile(x, 0.95)), 1e-12) for x in trial.envelopes.values()], axis=0)
-    calm, still = (x <= np.quantile(x, FITTED_CALM_SHARE) for x in (effort, np.abs(v)))
-    return (
-        test("fast strides", slow, ~slow),
-        test("slow strides", ~slow, slow),
-        test("most effort", calm, ~calm),
-        test("most speed", still, ~still),
+        held = [(f"{LEFT_OUT_WORDS} {', '.join(out)}", np.isin(member, out)) for out in _group_conditions(trials, of)]
+        return tuple(
+            ConditionTest(words, np.flatnonzero(~out & counted), np.flatnonzero(out & counted)) for words, out in held
+        )
+    halves = block_folds(trials[0].time, 2, MAP_FITTING.fold_gap_s)
+    return tuple(
+        ConditionTest(f"{LEFT_OUT_WORDS} the {which} half", fitted[counted[fitted]], judged[counted[judged]])
+        for which, (fitted, judged) in zip(("first", "second"), halves, strict=True)
     )
 
 
@@ -334,18 +342,6 @@ def _joint_speed(trial: TorqueTrial) -> np.ndarray:
     return filter_and_differentiate(np.asarray(trial.angles[trial.joint], float), trial.fs, causal=False)[1]
 
 
-def _is_slow_stride(v: np.ndarray, fs: float) -> np.ndarray:
-    """Return which samples lie in the slower half of the strides, shape (n,), bool.
-
-    A movement that does not repeat is divided into parts of equal length instead.
-    """
-    n = len(v)
-    period = find_period(v, fs) or max(1, n // (2 * STRIDE_SEARCH.min_count))
-    stride = np.minimum(np.arange(n) // period, n // period - 1)
-    level = np.bincount(stride, v**2) / np.bincount(stride)
-    return (level <= np.median(level))[stride]
-
-
 def run_condition_tests(fit: Any, trials: Sequence[TorqueTrial]) -> ConditionTestErrors:
     """Refit an estimator in each test that `trials` allow, with the settings that it chose, and return its errors.
 
@@ -368,32 +364,32 @@ def run_condition_tests(fit: Any, trials: Sequence[TorqueTrial]) -> ConditionTes
     weight = find_row_weights([t.torque for t in trials])
     tests, conditions = make_choice_tests(trials), len(set(_condition_of_each_trial(trials)))
     errors = run(tests)
-    weights = [] if weight is None else [weight[test.judged] for test in tests]
     held = [i for i, test in enumerate(tests) if test.words.startswith(LEFT_OUT_WORDS)]
-    band_errors = [errors[i] for i in held] if held else run(make_condition_tests(trials))
+    band_tests = [tests[i] for i in held] if held else make_condition_tests(trials)
+    band_errors = [errors[i] for i in held] if held else run(band_tests)
+    weights, band_weights = (
+        [] if weight is None else [weight[test.judged] for test in each] for each in (tests, band_tests)
+    )
     shares = [test.share for test in tests]
-    return _report_errors([test.words for test in tests], errors, weights, band_errors, conditions, shares)
+    return _report_errors(
+        [test.words for test in tests], errors, weights, shares, band_errors, band_weights, conditions
+    )
 
 
-def find_error_band(errors: Sequence[np.ndarray], conditions: int) -> float:
+def find_error_band(errors: Sequence[np.ndarray]) -> float:
     r"""Return half the width of the band that should cover `ERROR_BAND.share` of the errors in another condition.
 
     The errors of condition i are taken as :math:`q_i z`: a scale :math:`q_i`, which is the quantile of their size at
     the band's share, and a distribution of z that all conditions have in common. Logarithms of scales vary normally
     between conditions. Their variance is estimated together with a prior, and the scale of another condition is then
-    distributed as Student's t with ``ERROR_SCALE_PRIOR_WEIGHT + K - 1`` degrees of freedom about the mean of K. The
+    distributed as Student's t with ``ERROR_BAND.prior_weight + K - 1`` degrees of freedom about the mean of K. The
     band's half width is the one within which the errors of such a condition lie with the band's share in the mean.
     Few conditions so give a wider band.
-
-    Parts of a single recording are no conditions between which a variance could be known: the half width is the root
-    mean square of their quantiles. These parts are chosen to be harder than the movements that follow.
 
     Parameters
     ----------
     errors : sequence of ndarray, shape (n,)
-        Errors in each test [N m]; tests with missing values are excluded.
-    conditions : int
-        Number of recordings, sessions or repetitions that were held out in turn; 1: parts of a single one.
+        Errors in each condition [N m]; conditions with missing values are excluded.
 
     Returns
     -------
@@ -403,15 +399,15 @@ def find_error_band(errors: Sequence[np.ndarray], conditions: int) -> float:
     from scipy.optimize import brentq
     from scipy.stats import t as student
 
-    each = [np.abs(e) for e in errors if len(e) and np.isfinite(e).all()]
+    each = [np.abs(e) for e in errors if _is_known(e)]
     quantiles = np.array([np.quantile(e, ERROR_BAND.share) for e in each])
     if not len(each):
         return float("nan")
-    if conditions < 2 or len(each) < 2 or not quantiles.min() > 0.0:
+    if not quantiles.min() > 0.0:
         return float(np.sqrt(np.mean(quantiles**2)))
     logs, count = np.log(quantiles), len(each)
     freedom = ERROR_BAND.prior_weight + count - 1.0
-    variance = (ERROR_BAND.prior_weight * ERROR_BAND.prior_deviation**2 + (count - 1.0) * logs.var(ddof=1)) / freedom
+    variance = (ERROR_BAND.prior_weight * ERROR_BAND.prior_deviation**2 + count * logs.var()) / freedom
     places = (np.arange(ERROR_BAND.quadrature_count) + 0.5) / ERROR_BAND.quadrature_count
     scales = logs.mean() + np.sqrt(variance * (1.0 + 1.0 / count)) * student.ppf(places, freedom)
     # Every condition counts the same in the common distribution, however long it lasts.
@@ -425,17 +421,17 @@ def find_error_band(errors: Sequence[np.ndarray], conditions: int) -> float:
     return float(np.exp(brentq(missing_share, low, high, xtol=1e-3)))
 
 
-def find_left_out_coverage(errors: Sequence[np.ndarray], conditions: int) -> float | None:
+def find_left_out_coverage(errors: Sequence[np.ndarray]) -> float | None:
     """Return the mean share of each test's errors within the band computed from the other tests.
 
-    This checks the band with fitted recordings alone. None with fewer than three tests, or for parts of one recording.
+    This checks the band with fitted recordings alone. None with fewer than three tests.
     """
-    each = [e for e in errors if len(e) and np.isfinite(e).all()]
-    if conditions < 2 or len(each) < 3:
+    each = [e for e in errors if _is_known(e)]
+    if len(each) < 3:
         return None
     shares = []
     for i, own in enumerate(each):
-        width = find_error_band([e for k, e in enumerate(each) if k != i], conditions)
+        width = find_error_band([e for k, e in enumerate(each) if k != i])
         shares.append(np.mean(np.abs(own) <= width))
     return float(np.mean(shares))
 

@@ -219,8 +219,8 @@ def recommend_estimator(
     chosen = recommend(tests)
     without = {name: each for name, each in tests.items() if not ESTIMATOR_FAMILIES[name].muscles}
     bare_chosen = recommend(without) if without else None
-    within = combine_tests(tests, chosen.weights)
-    bare_within = combine_tests(without, bare_chosen.weights) if bare_chosen is not None else None
+    within = combine_tests(tests, chosen)
+    bare_within = combine_tests(without, bare_chosen) if bare_chosen is not None else None
     beyond = find_extrapolator(tests) or chosen.name
     of = {(e.estimator, e.recording): e for e in own}
     made = {trace.recording: trace for trace in traces if trace.what == what}
@@ -228,13 +228,15 @@ def recommend_estimator(
     for recording in dict.fromkeys(e.recording for e in own):
         name = beyond if recording in refused else chosen.name
         if name == STACKED:
-            trace = made[recording]
-            judged.append(_evaluate_mean(chosen, of, trace, within.half_width))
-            trace.predicted[STACKED] = chosen.predict(trace.predicted)
-            if recording not in refused:
-                trace.half_width[STACKED] = np.full(len(trace.time), within.half_width)
+            judged.append(_evaluate_mean(chosen, of, made[recording], within.half_width))
+            made[recording].predicted[STACKED] = chosen.predict(made[recording].predicted)
         elif (name, recording) in of:
             judged.append(of[name, recording])
+        if recording in made and recording not in refused:
+            # The band of what was chosen also carries the choice, which the estimator's own tests do not.
+            trace = made[recording]
+            trace.half_width[name] = np.full(len(trace.time), within.half_width)
+            judged[-1] = replace(judged[-1], held=_covered_share(trace, trace.predicted[name], within.half_width))
         if bare_chosen is not None and bare_chosen.name != STACKED:
             bare[recording] = of[bare_chosen.name, recording]
         elif bare_chosen is not None:
@@ -265,8 +267,13 @@ def _evaluate_mean(
     return replace(
         alike, estimator=STACKED, score=score(trace.reference, made), choice=words, examined=None, within=None,
         seconds=None, coverage=None, partial=(), without_changed=None, as_recorded=None,
-        held=float(np.mean(np.abs(trace.reference - made) <= half_width)),
+        held=_covered_share(trace, made, half_width),
     )  # fmt: skip
+
+
+def _covered_share(trace: TorqueTrace, predicted: np.ndarray, half_width: float) -> float:
+    """Return the share of the reference within a band about a predicted torque, shape (n,) [N m]."""
+    return float(np.mean(np.abs(trace.reference - predicted) <= half_width))
 
 
 def recommend_by_fold(
@@ -338,7 +345,7 @@ def _evaluate_folds(
         by_trial[t.name] = Score(own.rmse * (reported / alone if alone > 0.0 else 1.0), own.r2)
     whole = score(np.concatenate([t.torque for t in trials]), np.concatenate([made[t.name] for t in trials]))
     rmse = whole.rmse if alike.kind == "steps" else float(np.mean([s.rmse for s in by_trial.values()]))
-    tests = {group: combine_tests(_tests_of_fold(results, j), found[group].weights) for j, group in enumerate(groups)}
+    tests = {group: combine_tests(_tests_of_fold(results, j), found[group]) for j, group in enumerate(groups)}
     one = replace(
         alike, estimator=Counter(of.values()).most_common(1)[0][0], score=Score(rmse, whole.r2), by_trial=by_trial,
         choice=", ".join(f"{name} without {group}" for group, name in of.items()), examined=None,
