@@ -41,6 +41,7 @@ from .study.terminal import (
     print_json,
     print_line,
     print_lines,
+    print_next,
     print_short_table,
     print_steps,
     replace_unprintable_characters,
@@ -1085,7 +1086,7 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
         out = make_console()
         print_result(out, result, brief=not is_verbose())
         print_line(out, f"{result.written(study)}, every figure in {study.results_path}.")
-        print_line(out, f"Next: {result.answers[0].next_command}")
+        print_next(out, result.answers[0])
     if elsewhere:
         # A next command after && would use the study's own cards, which are older, so it must not run.
         exit_with_message(elsewhere, 1)

@@ -245,6 +245,8 @@ def _answer(found: Predicted) -> Answer:
         numbers.append(AnswerNumber(f"{index.words}, {words}", middle, "%", (low, high), row_id(found, index, law)))
     pairs = len(found.prediction.worn) * found.prediction.people
     told = any(part.verdict == "yes" for part in parts)
+    more = f"Predict studies of more than {found.participants} people (`--participants`): their intervals are narrower"
+    larger = () if told else (Step(more),)
     return Answer(
         f"Do these controllers change people's movement ({index.words}) relative to no robot?",
         "yes" if told else "cannot say",
@@ -253,7 +255,7 @@ def _answer(found: Predicted) -> Answer:
         tuple(parts),
         tuple(numbers),
         Basis(pairs, pairs, "robot-person pair", f"studies of {found.participants} people", is_simulated=True),
-        next=(Step("Record people of your own", line="pellucid init my-session --session elbow"),),
+        next=(*larger, Step("Record people of your own", line="pellucid init my-session --session elbow")),
     )
 
 

@@ -102,6 +102,8 @@ class Basis:
         Whether the recordings were simulated; None where that is not known, or not the same for all.
     is_worn : bool
         Whether somebody wears the machine that was identified.
+    more : tuple of str
+        Further sentences, such as on the analysis that was registered.
     """
 
     used: int
@@ -110,16 +112,18 @@ class Basis:
     judged: str = ""
     is_simulated: bool | None = False
     is_worn: bool = False
+    more: tuple[str, ...] = ()
 
     @property
     def sentence(self) -> str:
-        """What the answer is based on, in a sentence."""
+        """What the answer is based on, in one or more sentences."""
         noun = self.counted if self.recorded == 1 else f"{self.counted}s"
         text = f"{self.used} of {self.recorded}" if self.used != self.recorded else f"{self.recorded}"
         known = {True: "simulated", False: "measured", None: "measured or simulated"}
         origin = known[self.is_simulated]
         origin += f", of {WORN_TOGETHER}" if self.is_worn else ""
-        return f"Based on {text} {noun}, {origin}{f'; numbers are of {self.judged}' if self.judged else ''}."
+        judged = f"; numbers are of {self.judged}" if self.judged else ""
+        return " ".join((f"Based on {text} {noun}, {origin}{judged}.", *self.more))
 
 
 @dataclass(frozen=True)
@@ -190,7 +194,7 @@ class Step:
 
 
 PAPER_STEP = Step("Write figures, tables and methods for a paper", "paper")
-"""What to do next with figures that nothing else is made from."""
+"""What to do next with good figures that nothing else is made from."""
 
 
 @dataclass(frozen=True)
@@ -307,9 +311,12 @@ def assumed_sentence(assumed: Sequence[Assumption]) -> str:
     return f"Assumed, because no file states it: {named}{f' and {more} more' if more > 0 else ''}."
 
 
-def reason_of_parts(parts: Sequence[AnswerPart]) -> str:
-    """Return why `verdict_of_parts` is no, or cannot say: the reasons of the parts that say the same; "" for yes."""
-    verdict = verdict_of_parts(parts)
+def reason_of_parts(parts: Sequence[AnswerPart], verdict: AnswerVerdict | None = None) -> str:
+    """Return why the verdict is no, or cannot say: the reasons of the parts that say the same; "" for yes.
+
+    The `verdict` is `verdict_of_parts` unless another one is given.
+    """
+    verdict = verdict_of_parts(parts) if verdict is None else verdict
     own = [f"{part.name}: {part.reason}" for part in parts if part.verdict == verdict != "yes"]
     more = len(own) - MAX_NAMED_REASONS
     return "; ".join(own[:MAX_NAMED_REASONS]) + (f"; and {more} more" if more > 0 else "")
@@ -327,13 +334,25 @@ def answer_of_parts(
     parts: Sequence[AnswerPart],
     numbers: Iterable[AnswerNumber] = (),
     basis: Basis | None = None,
-    next: tuple[Step, ...] = (PAPER_STEP,),
     *,
+    improve: Sequence[Step],
+    next: Sequence[Step] = (PAPER_STEP,),
     without_parts: str = "",
 ) -> Answer:
-    """Return the answer that its parts give together, with their reasons; `without_parts` is the reason if none are."""
-    reason = reason_of_parts(parts) if parts else without_parts
-    return Answer(question, verdict_of_parts(parts), said, reason, tuple(parts), tuple(numbers), basis, next=next)
+    """Return the answer that its parts give together, with their reasons; `without_parts` is the reason if none are.
+
+    `next` are the steps after yes. `improve` are those after no or "cannot say": what to record or to correct.
+    """
+    verdict = verdict_of_parts(parts)
+    return Answer(
+        question, verdict, said, reason_of_parts(parts) if parts else without_parts, tuple(parts), tuple(numbers),
+        basis, next=steps_after(verdict, next, improve),
+    )  # fmt: skip
+
+
+def steps_after(verdict: AnswerVerdict, use: Sequence[Step], improve: Sequence[Step]) -> tuple[Step, ...]:
+    """Return what to do after a verdict: use a result that is good, and improve any other before it is used."""
+    return tuple(use if verdict == "yes" else improve)
 
 
 def answer_of_findings(headline: str, findings: Iterable[tuple[str, str]], question: str = USE_QUESTION) -> Answer:
@@ -364,6 +383,16 @@ def with_assumed(answer: Answer, assumed: Sequence[Assumption]) -> Answer:
 def answer_lines(answer: Answer) -> tuple[str, ...]:
     """Return an answer in lines of text: question, verdict with its sentence, basis and assumptions."""
     return (answer.question, f"{answer.badge}. {typeset_quantities(begun(answer.sentence))}", *answer.based_on)
+
+
+def next_lines(steps: Iterable[Step]) -> tuple[str, ...]:
+    """Return steps in lines of text, up to the first command."""
+    lines = []
+    for step in steps:
+        lines.append(f"Next: {step.command or step.sentence.replace('`', '')}")
+        if step.command:
+            break
+    return tuple(lines)
 
 
 def begun(text: str) -> str:

@@ -275,6 +275,14 @@ def print_steps(out: Console, answer: Answer, max_lines: int = MAX_STEP_LINES) -
     print_lines(out, [text.replace("`", "") for text in answer.following], max_lines, "further step")
 
 
+def print_next(out: Console, answer: Answer) -> None:
+    """Print what to do next, up to the first command."""
+    from .answer import next_lines
+
+    for text in next_lines(answer.next):
+        print_line(out, text)
+
+
 def exit_unless_answered(answers: Sequence[Answer]) -> None:
     """Exit with status 1, and say why, if a question could not be answered."""
     from .answer import unanswered_message

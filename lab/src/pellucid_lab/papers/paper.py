@@ -138,12 +138,15 @@ class Paper(ABC):
         listed = "; ".join(f"{claim.name}: {claim}" for claim in claims)
         said = f"{listed}. " if claims else f"{counted} " if compared else ""
         about = self.printed
+        read = Step(f"Read what {about.authors} cannot have meant in print, with a test for each: docs/errata.md")
+        failing = ", ".join(part.name for part in parts if part.verdict != "yes")
         return answer_of_parts(
             "Do the claims of the paper hold on simulated data?",
             f"{said}{self.headline(figures)}",
             parts,
             basis=Basis(len(figures), len(figures), "figure", "simulated rigs and people", is_simulated=True),
-            next=(Step(f"Read what {about.authors} cannot have meant in print, with a test for each: docs/errata.md"),),
+            improve=(Step(f"Test on recordings of your own what does not hold here: {failing or 'every claim'}"), read),
+            next=(read,),
             without_parts="nothing of it is compared",
         )
 

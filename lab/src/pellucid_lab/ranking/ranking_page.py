@@ -74,18 +74,20 @@ def ranking_answer(tasks: Sequence[TaskRanking], pairs: int) -> Answer:
                     task.task, "cannot say", f"{first} does not differ significantly from each reference controller"
                 )
             )
-    steps = [Step("Try the first controller on your own study; for instructions", line="pellucid export --help")]
-    if pairs < MIN_TOLD_PAIRS:
-        steps.append(
-            Step("Use more pairs to separate more controllers", line=f"pellucid rank --pairs {MIN_TOLD_PAIRS}")
-        )
+    more = Step(
+        "Use more pairs to separate more controllers", line=f"pellucid rank --pairs {max(MIN_TOLD_PAIRS, 2 * pairs)}"
+    )
+    own = Step("Write a control law and rank it with these; for instructions", line="pellucid rank --help")
+    export = Step("Try the first controller on your own study; for instructions", line="pellucid export --help")
+    is_told = all(part.verdict != "cannot say" for part in parts)
     return answer_of_parts(
         "Does any controller leave significantly less torque than every simple reference controller?",
         _headline(tasks, pairs),
         parts,
         [_number(task) for task in tasks],
         basis=Basis(pairs, pairs, "pair", is_simulated=True),
-        next=tuple(steps),
+        improve=(own,) if is_told else (more, own),
+        next=(export, more) if pairs < MIN_TOLD_PAIRS else (export,),
     )
 
 

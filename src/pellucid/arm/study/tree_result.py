@@ -21,10 +21,10 @@ from ...models.joint import PARALLEL_STIFFNESS
 from ...models.robot import Robot
 from ...models.tree_card import JointRange, Ripple, TreeCard
 from ...numerics.motion import Filtering
-from ...study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts, verdict_of_parts
+from ...study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts
 from ...study.cause_words import cause_sentence
 from ...study.pages.quantities import percent
-from ...study.procedures.findings import MAX_GOOD_ERROR
+from ...study.procedures.findings import MAX_GOOD_ERROR, MAX_IMPROVING_STEPS
 from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTable, Result
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
@@ -35,7 +35,7 @@ from ..fit.tree_families import SpectralLine
 from ..fit.tree_regression import TreeModel
 from ..tree_motion import TreeMotion, fitted_without_payload
 from .fit_robot import RobotFit, RobotScore, RobotTrace
-from .joint_answers import answer_joints, answers_in_words
+from .joint_answers import MIN_MOVING_SHARE, answer_joints, answers_in_words
 from .tree_table import TreeTable
 
 COMMAND_NAME = "identify"
@@ -306,7 +306,6 @@ def tree_answer(found: TreeResult) -> Answer:
     said = f"{answers_in_words(parts)}. On {judged}, the mean effort error is {percent(best.mean)} % "
     said += f"({percent(np.nanmin(best.each))} to {percent(np.nanmax(best.each))} % by joint); with plain "
     said += f"friction {percent(base.mean)} %" + (f", with stated bodies {percent(stated.mean)} %" if stated else "")
-    verdict = verdict_of_parts(parts)
     numbers = [
         AnswerNumber(f"error of the effort of {name} on {judged}", error, "%")
         for name, error in zip(found.names, best.each, strict=True)
@@ -318,12 +317,32 @@ def tree_answer(found: TreeResult) -> Answer:
         parts,
         numbers,
         Basis(recordings, recordings, judged=judged),
-        next=(
-            Step("Export a controller", "export")
-            if verdict == "yes"
-            else Step("Record more motion of the named joints and hold out a recording, then", "check"),
-        ),
+        improve=_improving(found, parts),
+        next=(Step("Export a controller", "export"),),
     )
+
+
+def _improving(found: TreeResult, parts: Sequence[AnswerPart]) -> tuple[Step, ...]:
+    """Return what improves the joints that the model does not predict: a cause, or what to record."""
+    causes = {cause.joint: cause for cause in reversed(found.causes)}
+    held = found.judged == "heldout"
+    shares = dict(zip(found.names, found.moving_shares, strict=True))
+    steps = []
+    for part in (part for part in parts if part.verdict != "yes"):
+        if part.verdict == "no" and part.name in causes:
+            text = f"Look for this cause: {cause_sentence(causes[part.name])}"
+        elif part.verdict == "no":
+            text = (
+                f"Look at {part.name} for an effect that the model lacks: load friction, ripple, a cable, or very "
+                "small efforts"
+            )
+        elif shares[part.name] < MIN_MOVING_SHARE:
+            text = f"Record motion of {part.name} in both directions, slowly and fast"
+        else:
+            text = f'Hold out a recording in which {part.name} moves (`use = "validate"`)'
+        steps.append(Step(text))
+    hold_out = () if held else (Step('Hold out a recording (`use = "validate"` in study.toml)'),)
+    return tuple(dict.fromkeys((*steps[:MAX_IMPROVING_STEPS], *hold_out)))
 
 
 def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:

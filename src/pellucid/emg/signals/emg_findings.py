@@ -317,8 +317,8 @@ def _channel_findings(
         return EmgFinding(name, kind, 0.0, end, size, CONSEQUENCES[kind], said)
 
     is_relative = unit in RELATIVE_UNITS
-    is_envelope = is_relative or _is_envelope(x, rate)
-    gone = dropouts(x, rate, is_envelope=is_envelope)
+    is_smooth = is_relative or is_envelope(x, rate)
+    gone = dropouts(x, rate, is_envelope=is_smooth)
     found = []
     for part in gone:
         held = x[part.start]
@@ -349,7 +349,7 @@ def _channel_findings(
     filled = np.where(there, x, 0.0 if not there.any() else float(np.mean(x[there])))
     filled = filled - float(np.mean(filled[there]))
     # An envelope may rest at its smallest value.
-    at_end = (x == x[there].max()) | ((x == x[there].min()) & (not is_envelope))
+    at_end = (x == x[there].max()) | ((x == x[there].min()) & (not is_smooth))
     ends = [r for r in runs(at_end)
             if r.stop - r.start >= FINDING_LIMITS.min_saturated_run]  # fmt: skip
     share = sum(r.stop - r.start for r in ends) / len(x)
@@ -357,7 +357,7 @@ def _channel_findings(
         said = f"{100.0 * share:.2g} % of samples in runs at the largest value"
         found.append(EmgFinding(name, "saturation", ends[0].start / rate, ends[-1].stop / rate, share,
                                 CONSEQUENCES["saturation"], said))  # fmt: skip
-    if is_envelope:
+    if is_smooth:
         return found
     mains, hum = mains_rms(filled, rate)
     if hum > max(FINDING_LIMITS.min_mains_v * scale, np.sqrt(FINDING_LIMITS.min_mains_share) * rms):
@@ -372,7 +372,7 @@ def _converter_step(x: np.ndarray) -> float:
     return float(steps.min()) if len(steps) else 0.0
 
 
-def _is_envelope(x: np.ndarray, rate: float) -> bool:
+def is_envelope(x: np.ndarray, rate: float) -> bool:
     """Return whether a channel, (n,), is an envelope or rectified, and no raw EMG."""
     known = x[np.isfinite(x)]
     if len(known) < 2.0 * rate or rate < 100.0:

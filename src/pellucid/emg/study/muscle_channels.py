@@ -5,6 +5,7 @@ The filter chain that a study's table asks for, with the mains that its fitted r
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,9 +16,16 @@ from ..._errors import IdentificationError, PellucidError, RecordingError, liste
 from ...files.fault import Fault
 from ...files.recording import MAXIMAL_PROTOCOL, Recording
 from ...models.estimates import Verdict
+from ...study.answer import Step
 from ...study.study import Study
 from ..signals.emg_chain import EmgChain, emg_chain
-from ..signals.emg_findings import exchanged_findings, own_maximum_channels, own_maximum_finding, without_short_peaks
+from ..signals.emg_findings import (
+    exchanged_findings,
+    is_envelope,
+    own_maximum_channels,
+    own_maximum_finding,
+    without_short_peaks,
+)
 from ..signals.emg_quality import FINDING_FAULTS, channel_fault, find_hum, inspect_emg
 from ..signals.exchanged import exchanged_recordings
 from .emg_torque.emg_torque_table import EmgTorqueTable
@@ -149,7 +157,7 @@ def emg_faults(study: Study, table: MuscleTable) -> list[Fault]:
         only = replace(stream, channels={n: c for n, c in stream.channels.items() if n in wanted})
         found += inspect_emg(only, notches=notches)
         streams.append(only)
-    return found + session_faults(streams)
+    return found + session_faults(study, streams)
 
 
 def envelope_faults(
@@ -183,6 +191,27 @@ def raw_channel(stream: Recording, muscle: str) -> np.ndarray:
             "lost when a muscle began"
         )
     return channel.samples
+
+
+def enveloped_muscles(study: Study, table: MuscleTable) -> dict[str, int]:
+    """Return the muscles whose channels are stated as raw EMG and hold envelopes, with their number of recordings."""
+    found: Counter[str] = Counter()
+    for recording in find_recordings_with_emg(study, table):
+        stream = emg_stream(recording, table)
+        found.update(
+            muscle
+            for muscle in find_used_muscles(stream, table)
+            if stream.channels[name := f"emg.{muscle}"].unit == "V" and is_envelope(stream[name], stream.fs)
+        )
+    return dict(found)
+
+
+def raw_emg_steps(enveloped: Mapping[str, int]) -> tuple[Step, ...]:
+    """Return the step that muscles need whose channels hold envelopes where raw EMG was expected; none without any."""
+    if not enveloped:
+        return ()
+    named = ", ".join(f"{muscle.replace('_', ' ')} ({count} recordings)" for muscle, count in enveloped.items())
+    return (Step(f"Record raw EMG: the channels of {named} are envelopes, which have lost the signal's own activity"),)
 
 
 def name_channel(stream: Recording, muscle: str) -> str:
@@ -253,9 +282,16 @@ def sound_stream(stream: Recording) -> Recording | None:
     return replace(made, uncut=sound(stream.uncut)) if stream.uncut is not None else made
 
 
-def session_faults(streams: Sequence[Recording]) -> list[Fault]:
-    """Return what recordings of a study show only together: trials with own maxima, and exchanged channels."""
-    return per_trial_faults(streams) + exchanged_faults(streams)
+def session_faults(study: Study, streams: Sequence[Recording]) -> list[Fault]:
+    """Return what recordings of a study show only together: trials with own maxima, and exchanged channels.
+
+    Several procedures look at the same channels; the study keeps what was found.
+    """
+    named = ((s.name, s.path, *(name for name in s.channels if name.startswith("emg."))) for s in streams)
+    key = "session_faults", *named
+    if key not in study.found:
+        study.found[key] = per_trial_faults(streams) + exchanged_faults(streams)
+    return list(study.found[key])
 
 
 def excluded_faults(study: Study, names: Collection[str]) -> list[Fault]:
@@ -269,7 +305,7 @@ def excluded_faults(study: Study, names: Collection[str]) -> list[Fault]:
             if recording.name in names:
                 found += inspect_emg(part)
                 files.add(part.path.name)
-    found += [fault for fault in session_faults(streams) if fault.file in files]
+    found += [fault for fault in session_faults(study, streams) if fault.file in files]
     return [replace(fault, severity="warn") if fault.severity == "refuse" else fault for fault in found]
 
 

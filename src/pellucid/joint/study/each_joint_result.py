@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from ...models.estimates import Parameter, Verdict
-from ...study.answer import Answer, AnswerPart, Basis, answer_of_parts
+from ...study.answer import Answer, AnswerPart, Basis, Step, answer_of_parts
 from ...study.pages.quantities import percent, unit_text, value_and_half_interval
 from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import FigureTable, HeldOutEffort, Result
@@ -124,6 +124,13 @@ def _cell(parameter: Parameter | None, level: float) -> str:
     return f"{value_and_half_interval(parameter, level)} {unit_text(parameter.unit)}".rstrip()
 
 
+def _improving(found: EachJointResult) -> tuple[Step, ...]:
+    """Return the first step that improves each joint whose model does not predict."""
+    first = {joint: each.next[:1] for joint, each in ((j, r.make_answer()) for j, r in found.joints.items())
+             if each.verdict != "yes"}  # fmt: skip
+    return tuple(replace(step, text=f"{joint}: {step.text}") for joint, steps in first.items() for step in steps)
+
+
 def each_joint_answer(found: EachJointResult) -> Answer:
     """Return whether each joint's own model predicts its effort where it was not fitted."""
     answers = {joint: result.make_answer() for joint, result in found.joints.items()}
@@ -149,5 +156,6 @@ def each_joint_answer(found: EachJointResult) -> Answer:
         parts,
         numbers,
         Basis(recordings, recordings, judged=" and ".join(filter(None, judged))),
+        improve=(*_improving(found), ROBOT_STEP),
         next=(ROBOT_STEP,),
     )

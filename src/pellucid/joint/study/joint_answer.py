@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from ...models.estimates import Verdict
-from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Basis, Step
+from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Basis, Step, steps_after
 from ...study.pages.quantities import EFFORT_NAMES, number, percent
 from ...study.pages.values import Value
-from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
+from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2, improving_steps
 from ...study.procedures.result import HeldOutEffort
 from ..fit.friction_family import FamilyFit
 from ..fit.replay import Prediction, Simulation, r_squared, relative_error
@@ -73,8 +73,11 @@ HOLD_OUT_STEP = Step('Hold out some recordings (write `use = "validate"` in stud
 CONTROLLER_STEP = Step("Export a controller", "export")
 """Next step with a model that predicts."""
 
-CORRECT_STEP = Step("Correct the causes that the warnings name, then", "check")
-"""Next step with a model that does not predict."""
+RICHER_STEP = Step(
+    "Record slow and fast motion in both directions over the range of the held-out recordings, and add friction "
+    "families to [model]"
+)
+"""Next step with a model that does not predict, if no finding says why."""
 
 
 def joint_answer(fit: JudgedJoint) -> Answer:
@@ -105,7 +108,7 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     numbers = [AnswerNumber(f"error of the {effort} on {judged}", error.number, "%", id=error.id)]
     if np.isfinite(r2):
         numbers.append(AnswerNumber(f"R2 on {judged}", r2, "1"))
-    steps: tuple[Step, ...] = (CONTROLLER_STEP,) if verdict == "yes" else (CORRECT_STEP,)
+    steps = steps_after(verdict, (CONTROLLER_STEP,), improving_steps(fit.verdicts, RICHER_STEP))
     steps = steps if held else (HOLD_OUT_STEP, *steps)
     return Answer(
         question, verdict, said, reason, numbers=tuple(numbers), basis=_basis(fit, judged),

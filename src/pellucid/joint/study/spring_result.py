@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...study.answer import Answer, AnswerNumber, Basis, Step
+from ...study.answer import Answer, AnswerNumber, Basis, Step, steps_after
 from ...study.pages.quantities import percent
 from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import Result
@@ -28,6 +28,13 @@ class SpringTrace:
     def error(self) -> float:
         """Error of the predicted effort [%]."""
         return relative_error(self.effort, self.predicted)
+
+
+DEFLECTION_STEP = Step(
+    "Deflect the spring slowly in both directions over the whole range: friction or a second spring shows as a "
+    "difference between the directions"
+)
+"""Next step with a spring that does not explain the effort."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -57,5 +64,5 @@ class SpringResult(Result):
                 AnswerNumber(f"error of the effort on {judged}", error, "%"),
             ),
             basis=Basis(count, count, judged=judged),
-            next=(Step(use),) if good else (),
+            next=steps_after("yes" if good else "no", (Step(use),), (DEFLECTION_STEP,)),
         )

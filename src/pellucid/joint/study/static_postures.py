@@ -10,7 +10,7 @@ from ..._errors import IdentificationError
 from ...files.fault import Fault
 from ...models.estimates import Parameter, Verdict
 from ...numerics.gravity_holds import GravityFit, Hold, fit_gravity
-from ...study.answer import Answer, AnswerNumber, Basis, Step
+from ...study.answer import Answer, AnswerNumber, Basis, Step, steps_after
 from ...study.pages.page import Page, Section, Tile
 from ...study.pages.quantities import number, percent, unit_text
 from ...study.procedures.findings import MAX_GOOD_ERROR
@@ -122,7 +122,11 @@ def posture_answer(found: PostureResult) -> Answer:
             AnswerNumber(f"error of the effort on {judged}", error, "%"),
         ),
         basis=Basis(count, count, judged=judged),
-        next=(Step("Record a motion: inertia and friction show in none of these postures"),),
+        next=steps_after(
+            "yes" if told else "no",
+            (Step("Record a motion: inertia and friction show in none of these postures"),),
+            (Step("Record more postures, spread over the whole range, each reached from both directions"),),
+        ),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 
+from ...models.estimates import rank_verdicts
 from ..answer import REPORT_COMMAND, WORN_TOGETHER, Answer, Assumption, Basis, Step, spoilt, with_assumed
 from ..study import Study
 from .procedure import typed_command
@@ -14,12 +15,17 @@ from .result import Result
 REPORT_STEP = Step("Draw the page", REPORT_COMMAND)
 """Step after every result: nothing was drawn yet."""
 
+FURTHER_TEXT = "Run the other analyses of study.toml"
+"""Words of the step that names an analysis which has no result yet."""
 
-def complete_answer(study: Study, found: Result, left_out: Collection[str] = ()) -> Answer:
+
+def complete_answer(
+    study: Study, found: Result, left_out: Collection[str] = (), beside: Collection[str] = ()
+) -> Answer:
     """Return the answer of a result with what the study adds to it.
 
     `left_out` are the recordings that were not fit to be used. A finding that the figures are wrong, and a default on
-    which all of them depend, leave nothing to be answered.
+    which all of them depend, leave nothing to be answered. `beside` are the names of the procedures of the same run.
     """
     answer = found.make_answer()
     if found.flaw:
@@ -28,7 +34,7 @@ def complete_answer(study: Study, found: Result, left_out: Collection[str] = ())
     answer = replace(answer, basis=_counted(study, found, answer.basis, left_out))
     if study.config.worn and not answer.qualifier:
         answer = replace(answer, qualifier=WORN_TOGETHER)
-    return with_study(study, replace(answer, next=_steps(study, found, answer)))
+    return with_study(study, replace(answer, next=_steps(study, found, answer, beside)))
 
 
 def with_study(study: Study, answer: Answer) -> Answer:
@@ -59,17 +65,32 @@ def _counted(study: Study, found: Result, basis: Basis | None, left_out: Collect
     return Basis(len(used), len(recordings), judged=judged)
 
 
-def _steps(study: Study, found: Result, answer: Answer) -> tuple[Step, ...]:
+def without_further(answer: Answer) -> Answer:
+    """Return an answer without the step that names another analysis: a page names those that it lacks itself."""
+    return replace(answer, next=tuple(step for step in answer.next if step.text != FURTHER_TEXT))
+
+
+def _steps(study: Study, found: Result, answer: Answer, beside: Collection[str]) -> tuple[Step, ...]:
     """Return what to do next: correct what is wrong or assumed, run what else the study asks for, draw the page."""
     if found.flaw:
-        return (Step("Correct the first finding below, then check the recordings", "check"),)
+        worst = next(v for v in rank_verdicts(found.verdicts) if v.kind == "wrong")
+        advice = worst.do.rstrip(".") or "Correct the first finding below"
+        return (Step(f"{advice}; then check the recordings", "check"),)
     steps = list(answer.next)
     if any(each.is_scale for each in answer.assumed):
         text = "Confirm the assumption: correct the line in study.toml, and remove its [[assumed]] table"
         steps = [Step(f"{text}; then", "check")]
-    commands = [procedure.command for procedure in asked(study)]
-    # A plug-in's procedure may stand beside those that the study asks for.
-    after = commands[commands.index(found.command) + 1 :] if found.command in commands else []
-    later = [each for each in after if each != found.command]
-    further = [Step("Run the other analyses of study.toml", typed_command(later[0]))] if later else []
-    return (*further, REPORT_STEP, *steps) if answer.is_answered else (*steps, *further, REPORT_STEP)
+    further = [Step(FURTHER_TEXT, typed_command(each)) for each in _without_result(study, found, beside)[:1]]
+    return (*further, REPORT_STEP, *steps) if answer.verdict == "yes" else (*steps, *further, REPORT_STEP)
+
+
+def _without_result(study: Study, found: Result, beside: Collection[str]) -> list[str]:
+    """Return the commands that the study asks for and that have no result yet, those after this result's first."""
+    procedures = asked(study)
+    own = next((i for i, each in enumerate(procedures) if each.command == found.command), None)
+    if own is None:  # a plug-in's procedure may stand beside those that the study asks for
+        return []
+    others = [each for each in (*procedures[own:], *procedures[:own]) if each.command != found.command]
+    return list(dict.fromkeys(
+        each.command for each in others if each.name not in beside and Result.kept(study, each) is None
+    ))  # fmt: skip

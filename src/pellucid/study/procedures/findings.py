@@ -5,12 +5,13 @@ A module of findings has one function for each.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
 from ...models.estimates import Verdict, rank_verdicts
+from ..answer import Step
 
 MAX_GOOD_ERROR = 20.0
 """Largest held-out error of a good prediction [% of the RMS effort].
@@ -33,6 +34,24 @@ left unexplained."""
 
 FINDING_PREFIX = "report_"
 """Prefix of the functions that report a finding; what follows is the finding's name."""
+
+
+CAUSES_FINDING = "causes"
+"""Finding of a cause of what a model misses."""
+
+MAX_IMPROVING_STEPS = 3
+"""Largest number of steps that an answer takes from findings."""
+
+
+def improving_steps(verdicts: Iterable[Verdict], *otherwise: Step) -> tuple[Step, ...]:
+    """Return what improves a model that does not predict: its causes, then the advice of warnings, worst first.
+
+    `otherwise` are the steps where no finding has any.
+    """
+    ranked = rank_verdicts(verdicts)
+    texts = [f"Look for this cause: {v.text}" for v in ranked if v.finding == CAUSES_FINDING]
+    texts += [v.do for v in ranked if v.kind in ("wrong", "warning") and v.do]
+    return tuple(map(Step, dict.fromkeys(texts[:MAX_IMPROVING_STEPS]))) or otherwise
 
 
 def finders(module: ModuleType) -> Iterator[tuple[str, Callable[[Any], Iterator[Verdict]]]]:

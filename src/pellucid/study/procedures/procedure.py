@@ -229,7 +229,11 @@ class ProcedureEntry(Procedure[Any, Any]):
         """Return what else is wrong with excluded recordings, where this procedure looks at them."""
         if self.find_excluded_faults is None or not names:
             return []
-        return self._load(self.find_excluded_faults)(study, names)
+        find = self._load(self.find_excluded_faults)
+        key = find, *sorted(names)  # procedures that look by the same function find the same
+        if key not in study.found:
+            study.found[key] = find(study, names)
+        return list(study.found[key])
 
     def run(self, study: Study, table: Any, tell: Progress = quiet, **options: Any) -> Any:
         return self._load(self.find)(study, tell, **options)

@@ -23,13 +23,13 @@ from ...files.duplicates import find_duplicates
 from ...files.fault import Fault, grouped_messages
 from ...models.estimates import VERDICT_KINDS, Parameter, Verdict, rank_verdicts
 from ...numerics.arguments import with_checked_arguments, with_one_rate
-from ..answer import REPORT_COMMAND, Answer, answer_lines, unanswered_message
+from ..answer import REPORT_COMMAND, Answer, Step, answer_lines, next_lines, unanswered_message
 from ..pages.quantities import unit_text, value_and_half_interval
 from ..results import read_rows
 from ..study import Study
 from . import registry
 from .card_sources import found_by
-from .complete_answer import complete_answer
+from .complete_answer import complete_answer, without_further
 from .procedure import CostedSteps, Procedure, Progress, quiet, typed_command, typed_commands
 from .registry import as_study, asked, is_study
 from .result import CombinedResult, ParameterTable, Result
@@ -136,7 +136,8 @@ def run(
     tell, procedures, found = on_progress or quiet, _required(study, name), []
     steps = CostedSteps(tell, {procedure.name: procedure.cost for procedure in procedures})
     for procedure in procedures:
-        found.append(_run(procedure, study, steps.part(procedure.name), **options.get(procedure.name, {})))
+        own = options.get(procedure.name, {})
+        found.append(_run(procedure, study, steps.part(procedure.name), [each.name for each in procedures], **own))
     return found[0] if len(found) == 1 else CombinedResult.from_parts(found)
 
 
@@ -540,11 +541,11 @@ class WrittenReport:
     @property
     def lines(self) -> tuple[str, ...]:
         """The answers, the place of the page and what to do next, in lines of text."""
-        commands = (step.command for answer in self.answers for step in answer.next if step.name != REPORT_COMMAND)
-        following = self.lacking or next(filter(None, commands), "")
+        steps = [step for answer in self.answers for step in answer.next if step.name != REPORT_COMMAND]
+        following = [f"Next: {self.lacking}"] if self.lacking else next_lines(steps)
         said = [line for answer in self.answers for line in answer_lines(answer)]
         lacks = [f"The page lacks analyses of study.toml; compute them with: {self.lacking}"] if self.lacking else []
-        return (*said, *lacks, f"Report: {self.page}", *([f"Next: {following}"] if following else []))
+        return (*said, *lacks, f"Report: {self.page}", *following)
 
 
 def write_report(
@@ -565,8 +566,7 @@ def write_report(
         raise PellucidError(f"{study.folder}: found no up-to-date results; compute them with: {commands}")
     page, answers = _one_page([page for _, page in made]), tuple(found.answer for found, _ in made)
     if missing:
-        text = f"This page lacks some analyses of study.toml. Compute them with: {commands}"
-        page = replace(page, verdicts=(("warning", text), *page.verdicts))
+        page = _with_step(page, Step("Compute the analyses of study.toml that this page lacks", line=commands))
     try:
         return WrittenReport(write_page(Path(study.report_dir), page, with_pdf=with_pdf), answers, commands)
     except OSError:
@@ -592,6 +592,7 @@ def each_page(
         given = bool(parts)
         found = parts[0] if given else Result.kept(study, procedure)
         if found is not None:
+            found = replace(found, completed=without_further(found.answer))
             tell("drawing", (i + 0.8) / len(procedures))
             try:
                 page = procedure.page(study, found)
@@ -606,7 +607,8 @@ def each_page(
             missing.append(procedure.command)
             continue
         tell(f"{procedure.command} again, because its kept results are outdated", i / len(procedures))
-        found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)))
+        progress = lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures))  # noqa: E731
+        found = _run(procedure, study, progress, [each.name for each in procedures])
         tell("drawing", (i + 0.8) / len(procedures))
         yield found, procedure.page(study, found)
 
@@ -650,7 +652,9 @@ def _run_study(command: str, subject: object, on_progress: Progress | None, opti
 
 
 @with_one_blas_thread
-def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **options) -> Result:
+def _run(
+    procedure: Procedure, study: Study, on_progress: Progress | None, beside: Sequence[str] = (), **options
+) -> Result:
     tell = on_progress or quiet
     steps = CostedSteps(tell, RUN_COSTS)
     twice = find_duplicates(study.recordings(on_progress=steps.part("reading recordings")))
@@ -669,7 +673,7 @@ def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **opt
     ]
     verdicts = (*rank_verdicts((*found.verdicts, *warned)), *cut)
     found = found_by(procedure, study, replace(found, verdicts=verdicts))
-    answer = complete_answer(study, found, taken.left_out)
+    answer = complete_answer(study, found, taken.left_out, beside)
     tell("done", 1.0)
     return replace(found, completed=answer, headline=answer.sentence)
 
@@ -696,6 +700,13 @@ def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
     )
 
 
+def _with_step(page: Page, step: Step) -> Page:
+    """Return a page with a further step; on a page without an answer it is a warning."""
+    if page.answer is None:
+        return replace(page, verdicts=(("warning", step.sentence), *page.verdicts))
+    return replace(page, answer=replace(page.answer, next=(*page.answer.next, step)))
+
+
 def _one_page(pages: list[Page]) -> Page:
     """Return one page of all: the first one's answer, then the others' in a section each, then all sections."""
     from ..pages.page import Section
@@ -711,7 +722,8 @@ def _one_page(pages: list[Page]) -> Page:
         drawn = () if page.figure is None else (page.figure,)
         names = {drawing.name for one in (*pages[:i], *pages[i + 1 :]) for drawing in one.drawings}
         drawings = tuple(replace(d, name=f"{d.name}-{i}") if d.name in names else d for d in drawn)
-        answers.append(Section(f"answer-{i}", capitalised(what), (words,), drawings=drawings))
+        following = tuple(f"Next: {text}" for text in page.following)
+        answers.append(Section(f"answer-{i}", capitalised(what), (words, *following), drawings=drawings))
     tiles = tuple(tile for page in pages for tile in page.tiles)
     verdicts = sorted((v for page in pages for v in page.verdicts), key=lambda v: VERDICT_KINDS.index(v[0]))
     return replace(first, tiles=tiles, sections=(*answers, *sections), verdicts=tuple(verdicts))

@@ -10,7 +10,7 @@ import numpy as np
 from ...._atomic import write_text_atomically
 from ...._errors import IdentificationError
 from ....models.estimates import Verdict
-from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, answer_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts
 from ....study.procedures.findings import MIN_EXPLAINED_PERCENT
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
@@ -171,6 +171,12 @@ def activations_answer(result: ActivationsResult) -> Answer:
         parts,
         numbers,
         Basis(count, count, judged="recordings that were not fitted"),
+        improve=(
+            Step("Keep the electrode of every muscle: without it, the others and the torque do not tell its activation")
+            if parts
+            else Step("Record the torque and EMG of three muscles or more of a joint"),
+            Step("Record other loads and speeds, so that muscles of a joint are not always active together"),
+        ),
         without_parts="no electrode could be removed",
     )
 

@@ -10,12 +10,18 @@ import numpy as np
 from ...._errors import RecordingError
 from ....files.fault import Fault
 from ....models.estimates import Verdict
-from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, answer_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow
 from ....study.study import Study
-from ...cocontraction import Cocontraction, CocontractionIndex, cocontraction_over_time
+from ...cocontraction import (
+    BLOCK_COUNT_BOUNDS,
+    MIN_BLOCK_S,
+    Cocontraction,
+    CocontractionIndex,
+    cocontraction_over_time,
+)
 from ..muscle_channels import (
     MAXIMAL_PROTOCOL,
     MuscleEnvelopes,
@@ -25,6 +31,9 @@ from ..muscle_channels import (
     relative_envelopes,
 )
 from .cocontraction_table import CocontractionTable
+
+MIN_INTERVAL_S = BLOCK_COUNT_BOUNDS[0] * MIN_BLOCK_S
+"""Shortest recording whose indices have an interval [s]."""
 
 DRAWN_STRETCH_S = 6.0
 """Duration of the drawn stretch of a recording [s]."""
@@ -109,6 +118,7 @@ def cocontraction_answer(result: CocontractionResult) -> Answer:
         parts,
         numbers,
         Basis(count, count),
+        improve=(Step(f"Record each pair for {MIN_INTERVAL_S:g} s or longer: shorter recordings give no interval"),),
     )
 
 
@@ -161,7 +171,8 @@ def _verdicts(study: Study, table: CocontractionTable, found: list[PairActivity]
         yield Verdict("warning", NO_MAXIMAL_CONTRACTION)
     short = sorted({each.recording for each in found if each.found.common.interval is None})
     if short:
-        yield Verdict("note", f"{', '.join(short)}: shorter than 4 s, too short for a confidence interval.")
+        names = ", ".join(short)
+        yield Verdict("note", f"{names}: shorter than {MIN_INTERVAL_S:g} s, too short for a confidence interval.")
 
 
 def _table(found: list[PairActivity]) -> FigureTable:

@@ -10,7 +10,7 @@ Anything else cannot be said from these people.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -26,6 +26,7 @@ from ....study.answer import (
     AnswerPart,
     AnswerVerdict,
     Basis,
+    Step,
     answer_of_parts,
 )
 from ....study.pages.quantities import MINUS_SIGN
@@ -33,7 +34,15 @@ from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow
 from ....study.study import Study
-from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, raise_refusals, relative_envelopes
+from ..muscle_channels import (
+    MuscleEnvelopes,
+    emg_faults,
+    envelope_faults,
+    enveloped_muscles,
+    raise_refusals,
+    raw_emg_steps,
+    relative_envelopes,
+)
 from .emg_force_table import EmgForceTable
 
 FORCE_LOWPASS_HZ = 6.0
@@ -86,6 +95,7 @@ class EmgForceResult(Result):
     """Result of `emg_force`."""
 
     found: tuple[MuscleForce, ...] = field(default=(), repr=False)
+    enveloped: Mapping[str, int] = field(default_factory=dict)  # muscles whose channels hold envelopes, not raw EMG
 
     def make_answer(self) -> Answer:
         """Return the answer that the result gives, before the study completes it."""
@@ -117,6 +127,7 @@ def find_emg_force(study: Study, tell: Progress = quiet) -> EmgForceResult:
         study=study.name, headline=_headline(found, table.confidence), tables=(_table(found, table.confidence),),
         rows=tuple(_rows(study.name, found, table.confidence)), found=found, verdicts=tuple(_verdicts(found)),
         confidence=table.confidence, cards={}, checksums={each.name: each.checksum for each in recordings},
+        enveloped=enveloped_muscles(study, table),
     )  # fmt: skip
 
 
@@ -136,7 +147,27 @@ def force_answer(result: EmgForceResult) -> Answer:
         parts,
         numbers,
         Basis(count, count),
+        improve=_improving(result),
     )
+
+
+def _improving(result: EmgForceResult) -> tuple[Step, ...]:
+    """Return what improves muscles that are not shown to follow the force: raw EMG, more people, or other muscles."""
+    own = [each for each in result.found if each.agonist and not each.low >= each.follows]
+    smooth = {each.muscle: result.enveloped[each.muscle] for each in own if each.muscle in result.enveloped}
+    steps = list(raw_emg_steps(smooth))
+    open_ones = [each for each in own if each.high >= each.follows]
+    if open_ones:
+        names = ", ".join(dict.fromkeys(_words(each.muscle) for each in open_ones))
+        people = max(len(each.each) for each in open_ones)
+        steps.append(Step(f"Record more people than these {people}: the intervals of {names} reach both sides of "
+                          f"{open_ones[0].follows:g}"))  # fmt: skip
+    rest = [each for each in own if each not in open_ones and each.muscle not in smooth]
+    if rest:
+        names = ", ".join(dict.fromkeys(_words(each.muscle) for each in rest))
+        text = f"Check the electrodes of {names} and the load cell, or record a muscle that acts in this task"
+        steps.append(Step(text))
+    return tuple(steps)
 
 
 def faults(study: Study) -> list[Fault]:

@@ -25,8 +25,10 @@ from ....study.answer import (
     Basis,
     Step,
     reason_of_parts,
+    steps_after,
     verdict_of_parts,
 )
+from ....study.procedures.findings import MAX_IMPROVING_STEPS
 from ....study.procedures.procedure import CostedSteps, Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.study import Study
@@ -317,16 +319,8 @@ def calibration_answer(result: CalibrationResult) -> Answer:
         for each in result.worth
     ]
     verdict = verdict_of_parts(joints)
-    judged = {e.recording for each in result.chosen for e in each.judged} - {""}
-    held = f"{len(judged)} held-out recordings" if len(judged) > 1 else "held-out data"
     count = len(result.checksums)
-    step = Step("Export the estimator to estimate torque in real time", "export")
-    if verdict != "yes" or any(part.verdict != "yes" for part in adds):
-        more = Step(
-            "EMG adds to angles where torque does not follow from the motion: record other loads and speeds, and hold "
-            'some of them out (`use = "validate"`)'
-        )
-        step = more
+    more = () if all(part.verdict == "yes" for part in adds) else (LOADS_STEP,)
     return Answer(
         f"Is torque estimated on held-out recordings with R² of {MIN_TORQUE_R2:g} or more?",
         verdict,
@@ -334,9 +328,46 @@ def calibration_answer(result: CalibrationResult) -> Answer:
         reason_of_parts(joints) or ("" if joints else "no recording was held out"),
         (*joints, *adds),
         tuple(numbers),
-        Basis(count, count, judged=held),
-        next=(step,),
+        Basis(count, count, judged=_judged_words(result)),
+        next=steps_after(verdict, (EXPORT_STEP, *more), (*_improving(result, joints), *more)),
     )
+
+
+EXPORT_STEP = Step("Export the estimator to estimate torque in real time", "export")
+"""Next step with a torque that is estimated."""
+
+LOADS_STEP = Step(
+    "EMG adds to angles where torque does not follow from the motion: record other loads and speeds, and hold some of "
+    'them out (`use = "validate"`)'
+)
+"""Next step where EMG does not add to angles."""
+
+
+def _improving(result: CalibrationResult, joints: Sequence[AnswerPart]) -> tuple[Step, ...]:
+    """Return what improves the estimate of torque: a recorded torque, a held-out recording, or more alike ones."""
+    if not joints:
+        return (Step('Hold out a recording (`use = "validate"` in study.toml)'),)
+    steps = []
+    if any(part.verdict == "cannot say" for part in joints):
+        steps.append(Step("Record the torque itself in one recording or more: with a dynamometer or a force plate"))
+    poor = [each for each, part in zip(result.chosen, joints, strict=True) if part.verdict == "no"]
+    for each in poor[:MAX_IMPROVING_STEPS]:
+        where = f" of {each.judged[0].recording.replace('_', ' ')}" if each.judged[0].recording else ""
+        steps.append(Step(
+            f"Record and fit more trials of {each.what} with the loads, speeds and angles{where}, where the error is "
+            "largest"
+        ))  # fmt: skip
+    return tuple(steps)
+
+
+def _judged_words(result: CalibrationResult) -> str:
+    """Return the data of the errors in words, with their number."""
+    judged = [e for each in result.chosen for e in each.judged]
+    held = {e.recording for e in judged} - {""}
+    if held:
+        return "one held-out recording" if len(held) == 1 else f"{len(held)} held-out recordings"
+    trials = len({name for e in judged for name in e.by_trial}) or len(result.checksums)
+    return f"{trials} trials, each left out in turn"
 
 
 def _gain_words(worth: EmgWorth) -> str:
@@ -623,11 +654,13 @@ def _invalid_band_sentences(found: CalibrationFindings) -> Iterator[str]:
     ]
     if changed:
         yield f"Prediction bands are not valid on {', '.join(changed)}, because EMG channels changed."
-    few = [f"{each.what}, {each.conditions}" for each in chosen if 1 < each.conditions < ERROR_BAND.min_conditions]
+    few = {each.what: each.conditions for each in chosen if 1 < each.conditions < ERROR_BAND.min_conditions}
     if few:
+        lacking = ERROR_BAND.min_conditions - min(few.values())
         yield (
-            f"The prediction band is based on too few trials: {', '.join(few)}. Fit {ERROR_BAND.min_conditions} or "
-            "more."
+            f"The prediction band is based on too few fitted trials: "
+            f"{', '.join(f'{what}, {count}' for what, count in few.items())}. Record {lacking} more "
+            f"trial{'s' if lacking > 1 else ''}."
         )
     narrow = [
         f"{each.what} ({100.0 * each.fitted_coverage:.0f} %)"

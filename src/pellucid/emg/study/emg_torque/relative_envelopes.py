@@ -55,7 +55,7 @@ def emg_faults(study: Study) -> list[Fault]:
                 rates[stream.path.name, recording.name] = _mean_rate(stream)
             if chain is not None:
                 found += _envelope_faults(recording, stream, chain)
-    found += session_faults([recording.stream_or_self(asked.emg) for recording in study.recordings()])
+    found += session_faults(study, [recording.stream_or_self(asked.emg) for recording in study.recordings()])
     ignored, usual = ignored_channels(study), float(np.median(list(rates.values()))) if rates else 0.0
     found += [
         channel_fault(

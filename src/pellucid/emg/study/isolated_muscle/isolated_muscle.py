@@ -22,7 +22,7 @@ from ....models.estimates import Parameter, Verdict
 from ....numerics.posterior.ensemble import require_sampler
 from ....numerics.posterior.posterior import Posterior
 from ....numerics.searches.scalar_search import minimise_on_interval
-from ....study.answer import PAPER_STEP, Answer, AnswerNumber, Basis
+from ....study.answer import PAPER_STEP, Answer, AnswerNumber, Basis, Step, steps_after
 from ....study.procedures.posterior_beside import (
     pair_with_posterior,
     posterior_rows,
@@ -138,7 +138,8 @@ def isolated_answer(fit: IsolatedMuscleFit, study: str = "") -> Answer:
     basis = Basis(len(fit.trials), len(fit.trials), judged=f"{held} held-out amplitudes" if held else "")
     if not held:
         said = f"No amplitude is held out; the mean error is {fit.mae_percent:.2f} % of the isometric force."
-        return Answer(question, "cannot say", said, "no amplitude is held out", basis=basis)
+        step = Step('Hold out some amplitudes (write `use = "validate"` in study.toml)')
+        return Answer(question, "cannot say", said, "no amplitude is held out", basis=basis, next=(step,))
     said = (
         f"The mean error over {held} held-out amplitudes is {elastic:.2f} % of the isometric force; with a rigid "
         f"tendon and its own fitted offset it is {rigid:.2f} %."
@@ -150,7 +151,12 @@ def isolated_answer(fit: IsolatedMuscleFit, study: str = "") -> Answer:
             ("elastic", elastic, "heldout.mae_percent"), ("rigid", rigid, "rigid.heldout.mae_percent"),
         )
     )  # fmt: skip
-    return Answer(question, "yes" if not reason else "no", said, reason, (), numbers, basis, next=(PAPER_STEP,))
+    steps = steps_after("no" if reason else "yes", (PAPER_STEP,), (STRETCH_STEP,))
+    return Answer(question, "no" if reason else "yes", said, reason, (), numbers, basis, next=steps)
+
+
+STRETCH_STEP = Step("Record larger amplitudes and higher forces: the stretch of the tendon shows there")
+"""Next step where an elastic tendon predicts no better than a rigid one."""
 
 
 def isolated_result(study: Study, tell: Progress = quiet) -> IsolatedMuscleResult:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,7 +16,7 @@ from ...._given import csv_cell
 from ....files.fault import Fault
 from ....files.recording import Recording
 from ....models.estimates import Verdict
-from ....study.answer import PAPER_STEP, Answer, AnswerPart, Basis, reason_of_parts
+from ....study.answer import PAPER_STEP, Answer, AnswerPart, Basis, Step, reason_of_parts, steps_after
 from ....study.drawing.drawing import outline
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
@@ -26,11 +26,13 @@ from ...signals.emg_onset import Burst, activations, require_activity
 from ..muscle_channels import (
     emg_faults,
     emg_stream,
+    enveloped_muscles,
     find_recordings_with_emg,
     find_used_muscles,
     name_channel,
     raise_refusals,
     raw_channel,
+    raw_emg_steps,
     raw_whole_file,
 )
 from .onset_table import OnsetTable
@@ -63,6 +65,7 @@ class OnsetResult(Result):
 
     muscles: tuple[MuscleBursts, ...] = field(default=(), repr=False)
     missed: tuple[str, ...] = ()  # muscles of recordings in which no onset could be looked for, and why
+    enveloped: Mapping[str, int] = field(default_factory=dict)  # muscles whose channels hold envelopes, not raw EMG
 
     def make_answer(self) -> Answer:
         """Return the answer that the result gives, before the study completes it."""
@@ -171,6 +174,7 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
         checksums={recording.name: recording.checksum for recording in recordings},
         muscles=tuple(found),
         missed=tuple(missed),
+        enveloped=enveloped_muscles(study, table),
     )
 
 
@@ -192,8 +196,15 @@ def onset_answer(result: OnsetResult) -> Answer:
         reason_of_parts(parts),
         tuple(parts),
         basis=Basis(recordings, recordings),
-        next=(PAPER_STEP,),
+        next=steps_after("no" if parts else "yes", (PAPER_STEP,), (*raw_emg_steps(result.enveloped), REST_STEP)),
     )
+
+
+REST_STEP = Step(
+    "Record rest before each effort and at least half a second of it, with the electrodes of the muscles named below "
+    "attached again; or state the rest as `rest = [start, end]` in [onset]"
+)
+"""Next step where a muscle's onset was not found."""
 
 
 def _with_raw_emg(

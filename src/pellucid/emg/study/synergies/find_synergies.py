@@ -11,7 +11,7 @@ import numpy as np
 from ...._errors import IdentificationError, RecordingError
 from ....files.fault import Fault
 from ....models.estimates import Verdict
-from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, answer_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow, combined_checksum
@@ -158,13 +158,19 @@ def synergies_answer(result: SynergiesResult) -> Answer:
         parts.append(AnswerPart(name, "yes" if enough else "no" if np.isfinite(share) else "cannot say", text))
         numbers.append(AnswerNumber(f"held-out variance, {name}", 100.0 * share, "%"))
     recordings = len(result.checksums)
-    judged = dict.fromkeys(group.judged_on for group in result.groups)
+    judged = dict.fromkeys(name for group in result.groups for name in group.judged_on.split(", "))
+    held = ", ".join(judged) if len(judged) == 1 else f"{len(judged)} held-out recordings"
     return answer_of_parts(
         f"Do fewer synergies than muscles account for {100.0 * MIN_HELDOUT_VARIANCE:g} % of the held-out variance?",
         result.headline,
         parts,
         numbers,
-        Basis(recordings, recordings, judged=", ".join(judged) if len(judged) == 1 else "held-out recordings"),
+        Basis(recordings, recordings, judged=held),
+        improve=(
+            Step("Fit more movements like the held-out ones, at the same speed and load: synergies of too few do not "
+                 "account for others"),
+            Step("Allow more synergies (`most` in [synergies]), and record more muscles"),
+        ),
     )
 
 

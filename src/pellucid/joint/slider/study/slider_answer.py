@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....study.answer import Answer, AnswerNumber, Basis, Step
+from ....study.answer import Answer, AnswerNumber, Basis, Step, steps_after
 from ....study.pages.quantities import number
 from ....study.pages.values import Value
 from ....study.procedures.findings import MAX_BODY_ERROR_RATIO
 from ..slider_fit import SliderFit
+
+EXPORT_STEP = Step("Export a controller", "export", ("--controller", "transparent"))
+"""Next step with one body that predicts."""
+
+BODY_STEP = Step(
+    "Record slow and fast trials in both directions at more places of the carriage: friction that depends on direction "
+    "in another way than by load separates the two models"
+)
+"""Next step with one body that predicts worse than two directions."""
 
 
 def slider_answer(fit: SliderFit) -> Answer:
@@ -39,9 +48,9 @@ def slider_answer(fit: SliderFit) -> Answer:
         ),
         basis=Basis(recordings, recordings, judged=f"{trials} {use} trials"),
         next=(
-            Step("Export a controller", "export", ("--controller", "transparent"))
-            if is_held
-            else Step('Hold out some trials (write `use = "validate"` in study.toml), then', "check"),
+            (Step('Hold out some trials (write `use = "validate"` in study.toml), then', "check"),)
+            if not is_held
+            else steps_after("yes" if holds else "no", (EXPORT_STEP,), (BODY_STEP,))
         ),
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 from ....models.estimates import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
 from ....numerics.gravity_holds import accuracy
-from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts, verdict_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts
 from ....study.procedures.findings import MIN_EXPLAINED_PERCENT
 from ....study.procedures.posterior_beside import (
     ComparedPosterior,
@@ -105,7 +105,7 @@ def coupling_answer(found: CouplingResult) -> Answer:
         for who, fit in held.items()
     ]
     parts += [AnswerPart(who, "cannot say", why) for who, why in found.refused.items()]
-    verdict, count = verdict_of_parts(parts), len(found.checksums)
+    count = len(found.checksums)
     controller = [
         Step(f"Make a controller for {who}", "export", ("--participant", who)) for who in list(found.wearers)[:1]
     ]
@@ -116,7 +116,8 @@ def coupling_answer(found: CouplingResult) -> Answer:
         parts,
         [AnswerNumber(f"explained held-out angle, {who}", fit, "%") for who, fit in held.items()],
         Basis(count, count, judged="held-out swings" if np.isfinite(list(held.values())).any() else ""),
-        next=tuple(controller) if verdict == "yes" else (Step("Hold out some swings, and record faster ones"),),
+        improve=(Step("Hold out some swings, and record faster ones: the strap yields more in them"),),
+        next=controller,
         without_parts="nobody wore the orthosis",
     )
 

@@ -18,7 +18,7 @@ from ....files.recording import Recording
 from ....models.estimates import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
 from ....numerics.clocks import Alignment, align, clock_drift
-from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, answer_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow
@@ -396,6 +396,10 @@ def hinge_answer(found: HingeResult) -> Answer:
         parts,
         [AnswerNumber(f"{quantity}, {name}", error, "deg") for name, error in errors.items()],
         Basis(len(found.trials), count, judged=where),
+        improve=(
+            Step("Turn the hinge faster and over a larger range while it is calibrated, in several postures"),
+            Step("Fasten both IMUs to rigid parts: soft tissue under a sensor moves it against the bone"),
+        ),
     )
 
 

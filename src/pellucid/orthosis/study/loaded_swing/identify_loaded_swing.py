@@ -20,7 +20,7 @@ from ....models.estimates import Parameter, Verdict
 from ....models.friction_terms import is_friction
 from ....models.joint import GRAVITY
 from ....models.parameter_card import ParameterCard
-from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, answer_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow, combined_checksum
@@ -222,6 +222,7 @@ def swing_answer(found: LoadedSwingResult) -> Answer:
         parts,
         numbers,
         Basis(count, count, judged="swings that were fitted"),
+        improve=(Step("Record faster swings within the same angles: inertia shows in accelerations alone"),),
     )
 
 

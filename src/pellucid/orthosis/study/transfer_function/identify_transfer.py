@@ -8,12 +8,12 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ...._errors import IdentificationError, PellucidError
+from ...._errors import IdentificationError, PellucidError, listed_names
 from ....files.fault import Fault
 from ....files.recording import Recording
 from ....models.estimates import Verdict
 from ....models.parameter_card import ParameterCard
-from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, answer_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow
@@ -229,8 +229,42 @@ def transfer_answer(found: TransferResult) -> Answer:
         parts,
         [AnswerNumber(f"fit of {name} on held-out data", r.fit, "%") for name, r in found.heldout.items()],
         Basis(count - len(found.refused), count, judged="held-out data" if outside else ""),
+        improve=_improving(found, [part.name for part in parts if part.verdict == "no"]),
         without_parts="no data could be held out",
     )
+
+
+def _improving(found: TransferResult, poor: Sequence[str]) -> tuple[Step, ...]:
+    """Return what improves recordings with a `poor` fit: another order or input, or alike excitation throughout."""
+    dropped = [name for name in poor if _drops(found, name)]
+    steps = []
+    if lacking := [name for name in poor if name not in dropped]:
+        steps.append(Step(
+            f"Try more poles or zeros in [transfer_function], or record the other inputs, in {_listed(lacking)}: a "
+            "linear model of this order does not follow the output"
+        ))  # fmt: skip
+    if dropped:
+        steps.append(Step(
+            f"Excite {_listed(dropped)} alike throughout and for longer: the last third differs from the rest"
+        ))  # fmt: skip
+    if found.refused or not poor:
+        names = _listed([*found.refused, *found.unevaluated] or list(found.fits))
+        steps.append(Step(f"Record {names} again and longer, so that a part can be held out"))
+    return tuple(steps)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return listed_names(names, MAX_NAMED_RECORDINGS)
+
+
+MAX_NAMED_RECORDINGS = 3
+"""Largest number of recordings that a step names."""
+
+
+def _drops(found: TransferResult, name: str) -> bool:
+    """Return whether a recording's held-out part is fitted far worse than the whole."""
+    made, out = found.fits.get(name), found.heldout.get(name)
+    return bool(made and out and out.fit < made.responses[0].fit - TRANSFER_THRESHOLDS.max_fit_drop_points)
 
 
 def _tables(found: TransferResult, recordings: Sequence[Recording]) -> Iterator[ParameterTable | FigureTable]:
@@ -272,8 +306,8 @@ def _verdicts(result: TransferResult) -> Iterator[Verdict]:
         if weak:
             clause = "interval of {} contains" if len(weak) == 1 else "intervals of {} contain"
             yield Verdict("warning", f"Recording {name}: the {clause.format(', '.join(weak))} zero.")
-        out = result.heldout.get(name)
-        if out is not None and out.fit < made.responses[0].fit - TRANSFER_THRESHOLDS.max_fit_drop_points:
+        if _drops(result, name):
+            out = result.heldout[name]
             yield Verdict(
                 "warning",
                 f"Recording {name}: coefficients from its first part have a fit of {out.fit:.1f} % on the last part, "

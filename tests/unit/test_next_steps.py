@@ -1,0 +1,143 @@
+"""What to do next improves an answer that is not yes, and names nothing that is done already."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pellucid.emg.study import muscle_channels
+from pellucid.emg.study.emg_force.emg_force_table import EmgForceTable
+from pellucid.emg.study.emg_force.find_emg_force import EmgForceResult, force_answer, summarise_people
+from pellucid.emg.study.emg_torque import calibrate
+from pellucid.models.estimates import Verdict
+from pellucid.orthosis.study.transfer_function import identify_transfer
+from pellucid.people.study.statements import rule_words
+from pellucid.study.answer import Answer, AnswerPart, Step, answer_of_parts, next_lines
+from pellucid.study.procedures import complete_answer as module
+from pellucid.study.procedures.findings import improving_steps
+from pellucid.study.procedures.result import Result
+
+RECORD = Step("Record more motion")
+
+
+@pytest.mark.parametrize(("verdict", "name"), [("yes", "paper"), ("no", ""), ("cannot say", "")])
+def test_a_paper_follows_only_a_good_result(verdict, name):
+    """After "no", the only arrow of a report was to write a paper."""
+    answer = answer_of_parts("Is it good?", "It is.", [AnswerPart("a", verdict, "why")], improve=(RECORD,))
+    assert [step.name for step in answer.next] == [name]
+    assert (answer.next == (RECORD,)) == (verdict != "yes")
+
+
+def test_causes_and_advice_of_findings_say_what_improves_a_model():
+    found = (
+        Verdict("good", "It fits.", "Do nothing."),
+        Verdict("warning", "It is warm.", "Let it warm up."),
+        Verdict("note", "Backlash of 1 mrad explains 30 % of the residual: play in the gear?", finding="causes"),
+    )
+    texts = [step.sentence for step in improving_steps(found, RECORD)]
+    assert texts == [
+        "Look for this cause: Backlash of 1 mrad explains 30 % of the residual: play in the gear?", "Let it warm up.",
+    ]  # fmt: skip
+    assert improving_steps(found[:1], RECORD) == (RECORD,)
+
+
+def test_only_analyses_without_a_result_are_named(monkeypatch):
+    """Co-contraction named force, and force named co-contraction."""
+    procedures = [SimpleNamespace(name=name, command=name) for name in ("onset", "cocontraction", "force", "synergies")]
+    monkeypatch.setattr(module, "asked", lambda study: procedures)
+    monkeypatch.setattr(Result, "kept", lambda study, each: object() if each.name == "cocontraction" else None)
+    found = SimpleNamespace(command="force")
+    assert module._without_result(None, found, ()) == ["synergies", "onset"]
+    assert module._without_result(None, found, ("onset", "synergies")) == []
+    assert module._without_result(None, SimpleNamespace(command="other"), ()) == []
+
+
+def test_a_page_does_not_name_other_analyses_twice():
+    further, own = Step(module.FURTHER_TEXT, "emg force"), Step("Draw the page", "report")
+    assert module.without_further(Answer("?", "yes", "It is.", next=(further, own))).next == (own,)
+
+
+def test_a_terminal_prints_steps_in_words_up_to_the_first_command():
+    steps = (Step("Record `a`"), Step("Check", "check", folder="s"), Step("Draw", "report", folder="s"))
+    assert next_lines(steps) == ("Next: Record a.", "Next: pellucid check s")
+
+
+def test_faults_of_several_recordings_are_found_once_for_all_procedures(monkeypatch):
+    calls = []
+    monkeypatch.setattr(muscle_channels, "per_trial_faults", lambda streams: [])
+    monkeypatch.setattr(muscle_channels, "exchanged_faults", lambda streams: calls.append(streams) or ["exchanged"])
+    study, streams = SimpleNamespace(found={}), [SimpleNamespace(name="a", path="a.csv", channels={"emg.x": 0, "q": 0})]
+    for channels in ({"emg.x": 0, "q": 0}, {"emg.x": 0, "time": 0}):
+        streams[0].channels = channels
+        assert muscle_channels.session_faults(study, streams) == ["exchanged"]
+    assert len(calls) == 1
+
+
+def force_result(low, high, enveloped=()):
+    rng = np.random.default_rng(1)
+    table = EmgForceTable(agonists={"push": "triceps"})
+    each = {f"P{i}": float(r) for i, r in enumerate(rng.uniform(low, high, 8))}
+    found = (summarise_people("push", "triceps", table, each),)
+    return EmgForceResult(
+        study="s", headline="", tables=(), rows=(), verdicts=(), cards={}, checksums={}, found=found,
+        enveloped=dict.fromkeys(enveloped, 4),
+    )  # fmt: skip
+
+
+def test_envelopes_in_the_place_of_raw_emg_are_named_where_they_prevent_an_answer():
+    answer = force_answer(force_result(0.1, 0.4, enveloped=("triceps", "biceps")))
+    assert answer.verdict == "no"
+    assert answer.next[0].text.startswith("Record raw EMG: the channels of triceps (4 recordings) are envelopes")
+    assert "biceps" not in answer.next[0].text
+    (check,) = force_answer(force_result(0.1, 0.4)).next
+    assert "Check the electrodes of triceps" in check.text
+    assert force_answer(force_result(0.9, 0.95)).next[0].name == "paper"
+
+
+def test_an_interval_on_both_sides_of_the_bound_needs_more_people():
+    (step,) = force_answer(force_result(0.3, 0.99)).next
+    assert "Record more people than these 8" in step.text
+
+
+def test_too_few_trials_say_how_many_more_to_record():
+    """It said "too few trials ... Fit 3 or more"."""
+    chosen = SimpleNamespace(what="knee", conditions=2, fitted_coverage=None)
+    found = SimpleNamespace(chosen={"knee": chosen}, sessions={})
+    (said,) = calibrate._invalid_band_sentences(found)
+    assert said == "The prediction band is based on too few fitted trials: knee, 2. Record 1 more trial."
+
+
+@pytest.mark.parametrize(
+    ("recordings", "trials", "said"),
+    [
+        (("a",), (), "one held-out recording"),
+        (("a", "b"), (), "2 held-out recordings"),
+        (("",), ("t1", "t2", "t3"), "3 trials, each left out in turn"),
+    ],
+)
+def test_the_data_of_a_torque_error_are_counted(recordings, trials, said):
+    """It said "numbers are of held-out data"."""
+    judged = [SimpleNamespace(recording=name, by_trial=dict.fromkeys(trials)) for name in recordings]
+    result = SimpleNamespace(chosen=[SimpleNamespace(judged=judged)], checksums={})
+    assert calibrate._judged_words(result) == said
+
+
+def test_a_transfer_function_names_the_recordings_that_it_does_not_predict():
+    def fit(inside):
+        return SimpleNamespace(responses=[SimpleNamespace(fit=inside)])
+
+    held = {"slow": SimpleNamespace(fit=40.0), "late": SimpleNamespace(fit=20.0)}
+    found = SimpleNamespace(fits={"slow": fit(45.0), "late": fit(60.0)}, heldout=held, refused={}, unevaluated={})
+    texts = [step.text for step in identify_transfer._improving(found, ["slow", "late"])]
+    assert len(texts) == 2
+    assert "poles" in texts[0]
+    assert "slow" in texts[0]
+    assert "late" not in texts[0]
+    assert "late" in texts[1]
+
+
+def test_rules_for_movements_are_spelled_out():
+    """It said "(not with 2.5 % and 10 %)"."""
+    assert rule_words("2.5 %") == "a speed threshold of 2.5 %"
+    assert rule_words("8 Hz") == "a low-pass of 8 Hz"
+    assert rule_words("first rest") == "an end of movements at the first rest"
