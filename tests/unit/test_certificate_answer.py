@@ -2,6 +2,8 @@
 
 from types import SimpleNamespace
 
+import pytest
+
 from pellucid.people.study import assessment_answer
 from pellucid.study.answer import Answer, Step, unanswered_message
 
@@ -18,7 +20,7 @@ def test_a_condition_of_which_nobody_can_say_gives_its_reason_alone(monkeypatch)
         for name, verdict in said.items()
     ]
     monkeypatch.setattr(assessment_answer, "certificate_reasons", lambda found: ["The interval is too wide."] * 2)
-    monkeypatch.setattr(assessment_answer, "_recording_step", lambda each: Step("Record more movements"))
+    monkeypatch.setattr(assessment_answer, "_recording_steps", lambda each: (Step("Record more movements"),))
     for part, made in {"_changes_text": "", "_numbers": (), "_basis": None}.items():
         monkeypatch.setattr(assessment_answer, part, lambda found, made=made: made)
     answer = assessment_answer.certificate_answer(SimpleNamespace(certified=certified))
@@ -36,7 +38,72 @@ def test_the_certificate_does_not_name_itself_as_the_next_step():
 
 
 def test_the_basis_counts_the_movements_that_were_excluded():
-    found = SimpleNamespace(participants=("a",), without={}, movements=778, left_out={"marker": 700, "label": 77})
+    found = SimpleNamespace(
+        participants=("a",), without={}, movements=778, left_out={"marker": 700, "label": 77}, order=None, certified=(),
+    )  # fmt: skip
     assert "778 of 1,555 movements" in assessment_answer._basis(found).sentence
     found.left_out = {}
     assert "numbers are of 778 movements" in assessment_answer._basis(found).sentence
+
+
+@pytest.mark.parametrize(
+    ("people", "needed", "said"),
+    [
+        (6, 13, "CLPC: record 7 more people, 13 in all"),
+        (6, 45, "CLPC: record 39 more people, 45 in all"),
+        (20, 21, "CLPC: record 1 more person, 21 in all"),
+        (2, None, "CLPC: record 10 more people, 12 in all"),
+    ],
+)
+def test_the_number_of_people_to_record_is_that_of_the_power_analysis(people, needed, said):
+    """It was the smallest number for a claim, while the power analysis of the same page needed more."""
+    (step,) = assessment_answer._recording_steps(certified(people, needed))
+    assert step.text.startswith(said)
+
+
+@pytest.mark.parametrize(("people", "needed"), [(6, None), (20, None), (20, 14)])
+def test_where_no_number_of_people_decides_the_step_says_what_does(people, needed):
+    """It asked for 12 people or more, of whom it said that no number would show it."""
+    (step,) = assessment_answer._recording_steps(certified(people, needed))
+    assert "more people will not decide it" in step.text
+    assert "change the controller" in step.text
+    assert "in all" not in step.text
+
+
+def certified(people, needed):
+    own = SimpleNamespace(end_points={}, contradicted=lambda name: ())
+    return SimpleNamespace(condition="CLPC", participants=people, needed=needed, certificate=own, end_points={})
+
+
+@pytest.mark.parametrize(
+    ("people", "margins", "begins"),
+    [
+        (1, False, "Record the next participant"),
+        (3, False, "Record 12 people or more first: 3 cannot show"),
+        (14, False, "State the allowed change"),
+    ],
+)
+def test_too_few_people_are_told_to_be_recorded_first(people, margins, begins):
+    found = SimpleNamespace(participants=("p",) * people, has_margins=margins)
+    assert assessment_answer._margin_step(found).text.startswith(begins)
+
+
+def test_the_basis_says_what_was_registered_and_in_which_orders():
+    orders = {("a", "free"): 1.0, ("a", "worn"): 2.0, ("b", "free"): 2.0, ("b", "worn"): 1.0}
+    found = SimpleNamespace(
+        participants=("a", "b"), is_registered=True, order=SimpleNamespace(by_condition=orders),
+        certified=[SimpleNamespace(certificate=SimpleNamespace(post_hoc=()))],
+    )  # fmt: skip
+    said = "The analysis is registered before the data; people had the conditions in 2 orders."
+    assert assessment_answer._plan_text(found) == said
+    found.is_registered, found.order = False, None
+    said = "The analysis is not registered before the data; the order of conditions is not stated."
+    assert assessment_answer._plan_text(found) == said
+    found.certified = []
+    assert assessment_answer._plan_text(found) == "The order of conditions is not stated."
+
+
+def test_the_page_for_a_reviewer_names_a_paper_only_after_yes():
+    answer = Answer("Is it transparent?", "no", "no", next=(Step("Change it"), assessment_answer.CERTIFICATE_STEP))
+    following = assessment_answer.reviewed_answer(SimpleNamespace(answer=answer)).next
+    assert [step.text for step in following] == ["Change it"]

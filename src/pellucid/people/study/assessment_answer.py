@@ -7,17 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, AnswerVerdict, Basis, Step
+from ...study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, AnswerVerdict, Basis, Step, reason_of_parts
 from ...study.pages.quantities import MINUS_SIGN
 from ...study.pages.values import Value
-from ..certificate import FAIL, PASS
+from ..certificate import FAIL, PASS, Certificate
+from ..certificate_text import interval_with_unit, margin_text
 from ..equivalence import BEYOND_MARGIN
 from ..indices import leading_index
 from ..power import CERTIFICATE_SIZES, MIN_FORECAST_PEOPLE
 from ..share_of_people import MIN_PEOPLE
 from .certified_rows import certificate_reasons, loss_remedy
 from .primary_change import PrimaryChange, primary_change
-from .statements import headline, lowered
+from .statements import headline, lowered, p_statement
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Certified
@@ -34,9 +35,15 @@ def assessment_answer(found: AssessmentResult) -> Answer:
 CERTIFICATE_STEP = Step("Write the certificate's page for a reviewer", "certificate")
 """What to do next with a certificate that says yes or no."""
 
+CONTROLLER_STEP = Step(
+    "Compensate what the robot leaves in the end points beyond their margins: another controller, or less weight and "
+    "friction; then record again"
+)
+"""What to do next where every condition lies beyond a margin."""
+
 
 def certificate_answer(found: AssessmentResult) -> Answer:
-    """Return whether a condition is shown to be transparent, with what to record where nobody can say."""
+    """Return whether a condition is transparent, with what to record where nobody can say."""
     parts = [
         AnswerPart(each.condition, CERTIFICATE_VERDICTS.get(each.certificate.verdict, "cannot say"), reason)
         for each, reason in zip(found.certified, certificate_reasons(found), strict=True)
@@ -44,29 +51,31 @@ def certificate_answer(found: AssessmentResult) -> Answer:
     said = {part.verdict for part in parts}
     # One transparent condition is enough; all must be shown to be none for "no".
     verdict: AnswerVerdict = "yes" if "yes" in said else "no" if said == {"no"} else "cannot say"
-    question = "Is any condition shown to be transparent?" if len(parts) > 1 else "Is it transparent?"
+    question = "Is any condition transparent?" if len(parts) > 1 else "Is it transparent?"
     is_post_hoc = any(each.certificate.post_hoc for each in found.certified)
     if is_post_hoc:
         question += " Post hoc: this is not the registered analysis."
-    against = [part for part in parts if part.verdict == verdict != "yes"]
-    reason = "; ".join(f"{part.name}: {part.reason}" for part in against)
-    steps = [_recording_step(each) for each in found.certified if each.certificate.verdict not in (PASS, FAIL)]
+    open_ones = [each for each in found.certified if each.certificate.verdict not in (PASS, FAIL)]
+    steps = [step for each in open_ones for step in _recording_steps(each)]
     stated = "; ".join(f"{one.condition.replace('_', ' ')}: {one.certificate.statement}" for one in found.certified)
     beyond = "".join(f"{_beyond_text(each)} " for each in found.certified if each.certificate.verdict == FAIL)
-    following = steps if verdict == "cannot say" else [CERTIFICATE_STEP]
+    following = {"yes": [], "no": [CONTROLLER_STEP], "cannot say": steps}[verdict]
+    following += [CERTIFICATE_STEP] if verdict != "cannot say" else []
     return Answer(
-        question, verdict, f"{stated}. {beyond}{_changes_text(found)}", reason, tuple(parts),
+        question, verdict, f"{stated}. {_changes_text(found)} {beyond}".strip(), reason_of_parts(parts, verdict),
+        tuple(parts),
         tuple(_numbers(found)), _basis(found), next=tuple(dict.fromkeys(following)),
         qualifier="post hoc" if is_post_hoc else "",
     )  # fmt: skip
 
 
 def reviewed_answer(found: AssessmentResult) -> Answer:
-    """Return the answer on the page for a reviewer, which is written already: a paper follows it."""
-    following = (
+    """Return the answer on the page for a reviewer, which is written already: after yes, a paper follows it."""
+    following = [
         replace(PAPER_STEP, folder=step.folder) if step.name == CERTIFICATE_STEP.name else step
         for step in found.answer.next
-    )
+        if step.name != CERTIFICATE_STEP.name or found.answer.verdict == "yes"
+    ]
     return replace(found.answer, next=tuple(following))
 
 
@@ -78,30 +87,43 @@ def _beyond_text(each: Certified) -> str:
     return f"Beyond the margin in {each.condition.replace('_', ' ')}: {', '.join(words)}." if words else ""
 
 
-def _recording_step(each: Certified) -> Step:
+def _recording_steps(each: Certified) -> tuple[Step, ...]:
     """Return the recordings and the number of people to add if a certificate is undecided."""
-    now, condition = each.participants, each.condition.replace("_", " ")
-    more_precise = f"more movements of each person with {condition}, or measure more finely"
-    if now < MIN_PEOPLE and each.needed is None and now >= MIN_FORECAST_PEOPLE:
-        return Step(
-            f"Record {more_precise}, with {MIN_PEOPLE} people or more: a claim needs at least {MIN_PEOPLE}, and with "
-            f"the variation of these {now}, no study of up to {CERTIFICATE_SIZES[-1]} people would show it"
-        )
-    if now < MIN_PEOPLE:
-        return Step(
-            f"Record {_more_people(MIN_PEOPLE - now)}, {MIN_PEOPLE} in all, the smallest number for a claim; then "
-            "assess again"
-        )
+    now, condition, steps = each.participants, each.condition.replace("_", " "), []
     if remedy := loss_remedy(each):
-        return Step(remedy.rstrip("."))
-    if any(test.bounded for test in each.certificate.end_points.values()):
-        return Step(f"Record the movements of {condition} until they settle, of the same {now} people or more")
-    if each.needed is not None and each.needed > now:
+        steps.append(Step(f"{condition}: {remedy[:1].lower()}{remedy[1:].rstrip('.')}"))
+    elif any(test.bounded for test in each.certificate.end_points.values()):
+        steps.append(Step(f"{condition}: record the movements until they settle, of the same {now} people or more"))
+    if not steps or now < MIN_PEOPLE:
+        steps.append(_people_step(each, now, condition))
+    return tuple(steps)
+
+
+def _people_step(each: Certified, now: int, condition: str) -> Step:
+    """Return the number of people to add by the power analysis, or what to do where no number would decide.
+
+    The analysis counts with the smallest number of people for a claim.
+    """
+    if now < MIN_FORECAST_PEOPLE:
         return Step(
-            f"Record {_more_people(each.needed - now)} with {condition}, about {each.needed} in all, which show it in "
-            "9 of 10 studies if the robot changes nothing; then assess again"
+            f"{condition}: record {_more_people(MIN_PEOPLE - now)}, {MIN_PEOPLE} in all, the smallest number for a "
+            f"claim; with {MIN_FORECAST_PEOPLE} the power analysis says how many are needed"
         )
-    return Step(f"Record {more_precise}; additional people alone are unlikely to decide it")
+    if each.needed is None:
+        return Step(
+            f"{condition}: more people will not decide it (people vary so much that {CERTIFICATE_SIZES[-1]} would not "
+            "be enough). Record more movements of each person, plan a study with a wider margin, or change the "
+            "controller"
+        )
+    if each.needed > now:
+        return Step(
+            f"{condition}: record {_more_people(each.needed - now)}, {each.needed} in all: then 9 of 10 studies show "
+            "that a robot which changes nothing is transparent"
+        )
+    return Step(
+        f"{condition}: more people will not decide it ({each.needed} would show a robot that changes nothing). Record "
+        "more movements of each person, or change the controller"
+    )
 
 
 def _more_people(count: int) -> str:
@@ -113,6 +135,8 @@ def _change_answer(found: AssessmentResult) -> Answer:
     each = found.assessed.get(leading_index().name) or next(iter(found.assessed.values()))
     alpha = 1.0 - found.confidence
     alone = "with one participant, no test is possible" if len(found.participants) == 1 else ""
+    count, p = len(found.participants), each.comparison.p_value
+    tested = f" ({count} people{'' if p is None else f', {p_statement(p)}'})"
     differing = {name: _differing(found, own, alpha) for name, own in found.assessed.items()}
     parts = []
     for condition in (c for c in found.conditions if c != found.control):
@@ -127,7 +151,7 @@ def _change_answer(found: AssessmentResult) -> Answer:
             others.setdefault(tuple(conditions), []).append(lowered(found.assessed[name].table.index.words))
     also = "".join(f" {' and '.join(told)} also different in: {', '.join(words)}." for told, words in others.items())
     told = any(part.verdict == "yes" for part in parts)
-    without = f"no test finds a difference from {found.control} in {lowered(each.table.index.words)}"
+    without = f"no test finds a difference from {found.control} in {lowered(each.table.index.words)}{tested}"
     reason = "" if told else alone or without
     return Answer(
         f"Do these conditions change people's {lowered(each.table.index.words)}, against {found.control}?",
@@ -147,23 +171,57 @@ def _differing(found: AssessmentResult, each: Assessed, alpha: float) -> list[st
 
 
 def _margin_step(found: AssessmentResult) -> Step:
-    """Return what to do next where nothing is certified: record another person, or state margins."""
-    if found.has_margins or len(found.participants) == 1:
+    """Return what to do next where nothing is certified: record more people, or state margins."""
+    count = len(found.participants)
+    if found.has_margins or count == 1:
         tested = "margins" if found.has_margins else "conditions"
         return Step(f"Record the next participant: {tested} are tested with two or more participants")
     text = "State the allowed change of each index in `[assessment.margins]`, then check the study"
+    if count < MIN_PEOPLE:
+        return Step(
+            f"Record {MIN_PEOPLE} people or more first: {count} cannot show that a condition is transparent. "
+            f"{text}", "check"
+        )  # fmt: skip
     return Step(text, "check")
 
 
 def _basis(found: AssessmentResult) -> Basis:
     used, excluded = len(found.participants), sum(found.left_out.values())
     recorded = f" of {found.movements + excluded:,}" if excluded else ""
-    return Basis(used, used + len(found.without), "participant", f"{found.movements:,}{recorded} movements")
+    movements = f"{found.movements:,}{recorded} movements"
+    return Basis(used, used + len(found.without), "participant", movements, more=(_plan_text(found),))
+
+
+def _plan_text(found: AssessmentResult) -> str:
+    """Return in a sentence whether the analysis was registered, and in how many orders people had the conditions."""
+    orders = _order_count(found)
+    order = "the order of conditions is not stated" if not orders else (
+        f"people had the conditions in {orders} order{'s' if orders > 1 else ''}"
+    )
+    if not found.certified:
+        return f"{order[:1].upper()}{order[1:]}."
+    apart = any(each.certificate.post_hoc for each in found.certified)
+    known = "not the registered one" if apart else "registered before the data" if found.is_registered else (
+        "not registered before the data"
+    )
+    return f"The analysis is {known}; {order}."
+
+
+def _order_count(found: AssessmentResult) -> int:
+    """Return the number of different orders of conditions among the participants; 0 if they are not stated."""
+    places = {} if found.order is None else found.order.by_condition
+    by_person: dict[str, list[tuple[float, str]]] = {}
+    for (person, condition), place in places.items():
+        if person in found.participants:
+            by_person.setdefault(person, []).append((place, condition))
+    return len({tuple(condition for _, condition in sorted(own)) for own in by_person.values()})
 
 
 def _numbers(found: AssessmentResult) -> list[AnswerNumber]:
     """Return the changes of the leading index, and of every end point with a margin, by condition."""
     names = dict.fromkeys([leading_index().name, *(name for each in found.certified for name in each.end_points)])
+    tests = {(each.condition, name): (point, each.certificate)
+             for each in found.certified for name, point in each.end_points.items()}  # fmt: skip
     made = []
     for name in names:
         if name not in found.assessed:
@@ -171,8 +229,12 @@ def _numbers(found: AssessmentResult) -> list[AnswerNumber]:
         words = found.assessed[name].table.index.words
         for condition, change in known_changes(found, name).items():
             row = f"{found.study}.transparency.{name}.{condition.lower()}"
-            ends = (change.low, change.high)
-            made.append(AnswerNumber(f"{words}, {condition}", change.value, change.unit or "1", ends, row))
+            what, ends = f"{words}, {condition}", (change.low, change.high)
+            if (condition, name) in tests:
+                point, own = tests[condition, name]
+                low, high = map(point.shown, own.end_points[name].interval)
+                what, ends = f"{what}, {_test_level(own)} interval", (low, high)
+            made.append(AnswerNumber(what, change.value, change.unit or "1", ends, row))
     return made
 
 
@@ -190,7 +252,9 @@ def change_value(findings: AssessmentResult, name: str, condition: str, change: 
 
 
 def _changes_text(findings: AssessmentResult) -> str:
-    """Return the leading index's changes with their intervals, in a sentence."""
+    """Return the leading index's changes with their intervals, in a sentence; with margins those of its test."""
+    if findings.certified:
+        return _tested_changes_text(findings)
     name = leading_index().name
     each = findings.assessed.get(name)
     changes = known_changes(findings, name) if each is not None else {}
@@ -203,6 +267,40 @@ def _changes_text(findings: AssessmentResult) -> str:
         parts.append(f"{condition.replace('_', ' ')} {shown} {change.unit} ({level} {ends})")
     words = each.table.index.words
     people = f"{len(findings.participants)} {'people' if len(findings.participants) != 1 else 'person'}"
+    return f"{words} against {findings.control}, {people}: {', '.join(parts)}.{_cut_text(findings)}"
+
+
+def _test_level(own: Certificate) -> str:
+    """Return the level of the intervals of an equivalence test: two one-sided tests leave out alpha at each end."""
+    return f"{100.0 * (1.0 - 2.0 * own.alpha):g} %"
+
+
+def _tested_changes_text(findings: AssessmentResult) -> str:
+    """Return an end point's changes with the intervals of the equivalence test beside their margin, in a sentence.
+
+    It is the leading index, or the first end point where that has no margin.
+    """
+    first, leading = findings.certified[0], leading_index().name
+    name = leading if leading in first.end_points else next(iter(first.end_points))
+    parts = []
+    for each in findings.certified:
+        point, own = each.end_points[name], each.certificate.end_points[name]
+        change = primary_change(findings, name, each.condition)
+        shown = "not known" if change is None else (
+            f"{change_value(findings, name, each.condition, change)} {change.unit}".rstrip()
+        )
+        ends = interval_with_unit(point, own).replace("-", MINUS_SIGN)
+        parts.append(f"{each.condition.replace('_', ' ')} {shown} ({ends})")
+    point, test = first.end_points[name], first.certificate.end_points[name]
+    margin = margin_text(point, test).replace("-", MINUS_SIGN)
+    people = f"{len(findings.participants)} people"
+    return (
+        f"{point.index.words} against {findings.control}, {people}, with the {_test_level(first.certificate)} interval "
+        f"of the equivalence test: {', '.join(parts)}; margin {margin}.{_cut_text(findings)}"
+    )
+
+
+def _cut_text(findings: AssessmentResult) -> str:
+    """Return the shares of movements that never settled, in a sentence; "" without any."""
     cut = [f"{100.0 * one.curve.cut:.0f} % in {one.condition}" for one in findings.settling if one.curve.cut]
-    more = f" Never settled: {', '.join(cut)}." if cut else ""
-    return f"{words} against {findings.control}, {people}: {', '.join(parts)}.{more}"
+    return f" Never settled: {', '.join(cut)}." if cut else ""

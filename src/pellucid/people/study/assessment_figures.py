@@ -290,12 +290,15 @@ def certificate_figure(certified: Sequence[Certified]) -> Drawing:
     axis.set_ylim(at - 0.8, 0.0)
     tidy(axis, first=True, text="")
     axis.set_yticks(places, labels)
-    axis.set_xlabel("Change / margin")
+    alpha = certified[0].certificate.alpha
+    level = f"{100.0 * (1.0 - 2.0 * alpha):g} %"
+    axis.set_xlabel(f"Change with its {level} interval, over the margin")
     return Drawing(
         "certificate",
         figure,
-        "Changes from control with their intervals, divided by their margins (shaded). The verdict also requires the "
-        f"shares of people, carry-over and losses. Lines are cut beyond {MAX_DRAWN_MARGINS:g} margins.",
+        f"Changes from control, divided by their margins (shaded). The interval is of {level}, because an equivalence "
+        f"test is two one-sided tests at {100.0 * alpha:g} % each. The verdict also requires the shares of people, "
+        f"carry-over and losses. Lines are cut beyond {MAX_DRAWN_MARGINS:g} margins.",
     )
 
 

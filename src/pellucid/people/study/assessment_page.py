@@ -283,10 +283,12 @@ def _plain_table(heads: tuple[str, ...], rows: list[tuple], caption: str, words:
 
 
 def _p_of_verdict(own: Certificate) -> str:
-    """Return the p value of the claim that was made: "beyond" of the clearest end point, or else "within" of all."""
+    """Return the p value of the claim that was tested: beyond its margin of one end point, or else within of all."""
     if own.verdict == FAIL:
-        return f"beyond: {p_statement(min([*own.beyond.values(), *own.far.values()]))}"
-    return f"within: {p_statement(own.p_value)}"
+        p, claim = min([*own.beyond.values(), *own.far.values()]), "test that an end point is beyond its margin"
+    else:
+        p, claim = own.p_value, "test that all end points are within their margins"
+    return f"{claim}: {p_statement(p)} (shown at {own.alpha:g} or less)"
 
 
 def _result(found: AssessmentResult) -> Section:

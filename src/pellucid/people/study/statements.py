@@ -242,9 +242,11 @@ def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
     turned = []
     for index in dict.fromkeys(s.index for s in found.sensitivity):
         p = {s.words: s.p_value for s in found.sensitivity if s.index == index and np.isfinite(s.p_value)}
-        yes, no = ([words for words, q in p.items() if (q < alpha) == differs] for differs in (True, False))
+        yes, no = ([rule_words(words) for words, q in p.items() if (q < alpha) == differs] for differs in (True, False))
         if yes and no:
-            filters_text = f"only with {_listed(yes)}" if len(yes) <= len(no) else f"not with {_listed(no)}"
+            filters_text = f"significant only with {_listed(yes)}" if len(yes) <= len(no) else (
+                f"significant except with {_listed(no)}"
+            )
             turned.append(f"{lowered(found.indices[index].words)} ({filters_text})")
     if not turned:
         return []
@@ -252,7 +254,18 @@ def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
         "The result of the comparison depends on the filter or on the definition of the movements' end: "
         f"{'; '.join(turned)}."
     )
-    return [Verdict("warning", text)]
+    return [Verdict("warning", text, "Report the result by the rule that was stated before the data.")]
+
+
+def rule_words(rule: str) -> str:
+    """Return a rule for movements as a sentence has it: "2.5 %" is a threshold of the speed, "8 Hz" a low-pass.
+
+    >>> rule_words("2.5 %")
+    'a speed threshold of 2.5 %'
+    """
+    if rule.endswith(" %"):
+        return f"a speed threshold of {rule}"
+    return f"a low-pass of {rule}" if rule.endswith(" Hz") else f"an end of movements at the {rule}"
 
 
 def _percent(share: float) -> str:
