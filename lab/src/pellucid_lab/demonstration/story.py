@@ -86,7 +86,10 @@ def _headline(made: Demonstration) -> str:
 def demonstration_answer(made: Demonstration) -> Answer:
     """Return the answer of the real machine's report, with what the robot leaves people."""
     step = Step("Try your own recordings", line="pellucid init my-joint --from recordings")
-    return replace(made.real_fit.answer, said=_headline(made), next=(step,))
+    answer = made.real_fit.answer
+    people = f"The robot that is worn, and the {len(made.findings.participants)} people who wear it, are simulated."
+    basis = None if answer.basis is None else replace(answer.basis, more=(*answer.basis.more, people))
+    return replace(answer, said=_headline(made), basis=basis, next=(step,))
 
 
 def _real_error(made: Demonstration) -> Value:
