@@ -65,14 +65,22 @@ def test_the_number_of_people_to_record_is_that_of_the_power_analysis(people, ne
 def test_where_no_number_of_people_decides_the_step_says_what_does(people, needed):
     """It asked for 12 people or more, of whom it said that no number would show it."""
     (step,) = assessment_answer._recording_steps(certified(people, needed))
-    assert "more people will not decide it" in step.text
-    assert "change the controller" in step.text
+    assert ("more people will not show it transparent" if needed is None else "it may change movement") in step.text
+    assert "change the controller" in step.text.lower()
     assert "in all" not in step.text
 
 
-def certified(people, needed):
-    own = SimpleNamespace(end_points={}, contradicted=lambda name: ())
-    return SimpleNamespace(condition="CLPC", participants=people, needed=needed, certificate=own, end_points={})
+def certified(people, needed, verdict=None):
+    tests = {} if verdict is None else {"duration": SimpleNamespace(verdict=verdict, bounded=0)}
+    points = dict.fromkeys(tests, SimpleNamespace(index=SimpleNamespace(short="Duration")))
+    own = SimpleNamespace(end_points=tests, contradicted=lambda name: ())
+    return SimpleNamespace(condition="CLPC", participants=people, needed=needed, certificate=own, end_points=points)
+
+
+def test_a_change_beyond_the_margin_that_may_be_chance_needs_more_people():
+    """The step said that no number of people would show it transparent, which they are not to show."""
+    (step,) = assessment_answer._recording_steps(certified(8, None, "beyond"))
+    assert step.text.startswith("CLPC: record more people to show that it is not transparent: tested alone, duration")
 
 
 @pytest.mark.parametrize(
@@ -94,10 +102,10 @@ def test_the_basis_says_what_was_registered_and_in_which_orders():
         participants=("a", "b"), is_registered=True, order=SimpleNamespace(by_condition=orders),
         certified=[SimpleNamespace(certificate=SimpleNamespace(post_hoc=()))],
     )  # fmt: skip
-    said = "The analysis is registered before the data; people had the conditions in 2 orders."
+    said = "The analysis was registered before the data; people had the conditions in 2 orders."
     assert assessment_answer._plan_text(found) == said
     found.is_registered, found.order = False, None
-    said = "The analysis is not registered before the data; the order of conditions is not stated."
+    said = "The analysis was not registered before the data; the order of conditions is not stated."
     assert assessment_answer._plan_text(found) == said
     found.certified = []
     assert assessment_answer._plan_text(found) == "The order of conditions is not stated."

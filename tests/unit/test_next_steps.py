@@ -141,3 +141,11 @@ def test_rules_for_movements_are_spelled_out():
     assert rule_words("2.5 %") == "a speed threshold of 2.5 %"
     assert rule_words("8 Hz") == "a low-pass of 8 Hz"
     assert rule_words("first rest") == "an end of movements at the first rest"
+
+
+def test_a_result_without_a_question_of_its_own_is_improved_by_its_warnings():
+    found = Result(
+        study="s", headline="It is so.", tables=(), rows=(), cards={}, checksums={},
+        verdicts=(Verdict("warning", "It is warm.", "Let it warm up."),),
+    )  # fmt: skip
+    assert [step.text for step in found.answer.next] == ["Let it warm up."]

@@ -279,8 +279,11 @@ def print_next(out: Console, answer: Answer) -> None:
     """Print what to do next, up to the first command."""
     from .answer import next_lines
 
-    for text in next_lines(answer.next):
-        print_line(out, text)
+    for step, text in zip(answer.next, next_lines(answer.next), strict=False):
+        if step.command:  # which stays on one line, to be copied
+            print_line(out, text)
+        else:
+            out.print(text, markup=False)
 
 
 def exit_unless_answered(answers: Sequence[Answer]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -94,6 +95,12 @@ def _recording_steps(each: Certified) -> tuple[Step, ...]:
         steps.append(Step(f"{condition}: {remedy[:1].lower()}{remedy[1:].rstrip('.')}"))
     elif any(test.bounded for test in each.certificate.end_points.values()):
         steps.append(Step(f"{condition}: record the movements until they settle, of the same {now} people or more"))
+    elif alone := [p.index.short for n, p in each.end_points.items()
+                   if each.certificate.end_points[n].verdict == BEYOND_MARGIN]:  # fmt: skip
+        return (Step(
+            f"{condition}: record more people to show that it is not transparent: tested alone, "
+            f"{lowered(' and '.join(alone))} would be beyond its margin already"
+        ),)  # fmt: skip
     if not steps or now < MIN_PEOPLE:
         steps.append(_people_step(each, now, condition))
     return tuple(steps)
@@ -111,9 +118,9 @@ def _people_step(each: Certified, now: int, condition: str) -> Step:
         )
     if each.needed is None:
         return Step(
-            f"{condition}: more people will not decide it (people vary so much that {CERTIFICATE_SIZES[-1]} would not "
-            "be enough). Record more movements of each person, plan a study with a wider margin, or change the "
-            "controller"
+            f"{condition}: more people will not show it transparent (people vary so much that {CERTIFICATE_SIZES[-1]} "
+            "would not be enough). Record more movements of each person, plan a study with a wider margin, or change "
+            "the controller"
         )
     if each.needed > now:
         return Step(
@@ -121,8 +128,8 @@ def _people_step(each: Certified, now: int, condition: str) -> Step:
             "that a robot which changes nothing is transparent"
         )
     return Step(
-        f"{condition}: more people will not decide it ({each.needed} would show a robot that changes nothing). Record "
-        "more movements of each person, or change the controller"
+        f"{condition}: it may change movement, because {each.needed} people show a robot that changes nothing. Change "
+        "the controller, or record more movements of each person"
     )
 
 
@@ -156,13 +163,25 @@ def _change_answer(found: AssessmentResult) -> Answer:
     return Answer(
         f"Do these conditions change people's {lowered(each.table.index.words)}, against {found.control}?",
         "yes" if told else "cannot say",
-        f"{_changes_text(found)}{also}",
+        f"{_differing_text(found, each, differing[each.name])}{_changes_text(found)}{also}",
         reason,
         tuple(parts),
         tuple(_numbers(found)),
         _basis(found),
         next=(_margin_step(found),),
     )
+
+
+def _differing_text(found: AssessmentResult, each: Assessed, conditions: Sequence[str]) -> str:
+    """Return the conditions that differ from control in an index with their p values, in a sentence; "" for none."""
+    if not conditions:
+        return ""
+    compared = each.comparison
+    against_control = found.control in each.table.conditions
+    p = {c: max(compared.p_value or 0.0, compared.pair(found.control, c)) if against_control else
+         compared.pairwise[c].holm for c in conditions}  # fmt: skip
+    named = ", ".join(f"{condition} ({p_statement(value)})" for condition, value in p.items())
+    return f"Different from {found.control}: {named}. "
 
 
 def _differing(found: AssessmentResult, each: Assessed, alpha: float) -> list[str]:
@@ -201,10 +220,10 @@ def _plan_text(found: AssessmentResult) -> str:
     if not found.certified:
         return f"{order[:1].upper()}{order[1:]}."
     apart = any(each.certificate.post_hoc for each in found.certified)
-    known = "not the registered one" if apart else "registered before the data" if found.is_registered else (
-        "not registered before the data"
+    known = "is not the registered one" if apart else "was registered before the data" if found.is_registered else (
+        "was not registered before the data"
     )
-    return f"The analysis is {known}; {order}."
+    return f"The analysis {known}; {order}."
 
 
 def _order_count(found: AssessmentResult) -> int:

@@ -263,9 +263,8 @@ def rule_words(rule: str) -> str:
     >>> rule_words("2.5 %")
     'a speed threshold of 2.5 %'
     """
-    if rule.endswith(" %"):
-        return f"a speed threshold of {rule}"
-    return f"a low-pass of {rule}" if rule.endswith(" Hz") else f"an end of movements at the {rule}"
+    kinds = {"%": "a speed threshold of", "Hz": "a low-pass of", "ms": "a marker delay of"}
+    return f"{kinds.get(rule.rpartition(' ')[2], 'an end of movements at the')} {rule}"
 
 
 def _percent(share: float) -> str:

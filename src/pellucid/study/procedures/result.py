@@ -26,6 +26,7 @@ from ...models.tree_card import TreeCard, write_tree_card
 from ..answer import Answer, answer_lines, answer_of_findings
 from ..kept import hold_lock, keep_result, read_kept
 from ..results import ResultRow, replace_rows
+from .findings import improving_steps
 from .result_tables import FigureTable as FigureTable
 from .result_tables import ParameterTable as ParameterTable
 
@@ -147,7 +148,8 @@ class Result:
 
     def make_answer(self) -> Answer:
         """Return the answer that the result itself gives; a procedure that asks a question of its own overrides it."""
-        return answer_of_findings(self.headline, ((v.kind, v.said) for v in rank_verdicts(self.verdicts)))
+        answer = answer_of_findings(self.headline, ((v.kind, v.said) for v in rank_verdicts(self.verdicts)))
+        return answer if answer.is_answered else replace(answer, next=improving_steps(self.verdicts))
 
     @property
     def estimates(self) -> Mapping[str, Parameter]:

@@ -140,9 +140,11 @@ def isolated_answer(fit: IsolatedMuscleFit, study: str = "") -> Answer:
         said = f"No amplitude is held out; the mean error is {fit.mae_percent:.2f} % of the isometric force."
         step = Step('Hold out some amplitudes (write `use = "validate"` in study.toml)')
         return Answer(question, "cannot say", said, "no amplitude is held out", basis=basis, next=(step,))
+    errors = sorted(trial.mae_percent for trial in fit.trials if trial.use == "validate")
+    ranged = f" ({errors[0]:.2f} to {errors[-1]:.2f} % by amplitude)" if held > 1 else ""
     said = (
-        f"The mean error over {held} held-out amplitudes is {elastic:.2f} % of the isometric force; with a rigid "
-        f"tendon and its own fitted offset it is {rigid:.2f} %."
+        f"The mean error over {held} held-out amplitudes is {elastic:.2f} % of the isometric force{ranged}; with a "
+        f"rigid tendon and its own fitted offset it is {rigid:.2f} %."
     )
     reason = "" if elastic < rigid else "the error with a rigid tendon is no larger"
     numbers = tuple(
