@@ -112,7 +112,7 @@ def test_too_few_trials_say_how_many_more_to_record():
     [
         (("a",), (), "one held-out recording"),
         (("a", "b"), (), "2 held-out recordings"),
-        (("",), ("t1", "t2", "t3"), "3 trials, each left out in turn"),
+        (("",), ("t1", "t2", "t3"), "3 trials by cross-validation"),
     ],
 )
 def test_the_data_of_a_torque_error_are_counted(recordings, trials, said):

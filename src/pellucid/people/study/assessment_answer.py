@@ -295,7 +295,7 @@ def _test_level(own: Certificate) -> str:
 
 
 def _tested_changes_text(findings: AssessmentResult) -> str:
-    """Return an end point's changes with the intervals of the equivalence test beside their margin, in a sentence.
+    """Return an end point's changes with the intervals of the equivalence test and their margin, in a sentence.
 
     It is the leading index, or the first end point where that has no margin.
     """

@@ -367,7 +367,7 @@ def _judged_words(result: CalibrationResult) -> str:
     if held:
         return "one held-out recording" if len(held) == 1 else f"{len(held)} held-out recordings"
     trials = len({name for e in judged for name in e.by_trial}) or len(result.checksums)
-    return f"{trials} trials, each left out in turn"
+    return f"{trials} trials by cross-validation"
 
 
 def _gain_words(worth: EmgWorth) -> str:
