@@ -4,7 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from pellucid.people.certificate import LEFT_OUT_DOUBT
 from pellucid.people.study import assessment_answer
+from pellucid.people.study.certified_rows import _why_undecided
 from pellucid.study.answer import Answer, Step, unanswered_message
 
 
@@ -57,14 +59,14 @@ def test_the_basis_counts_the_movements_that_were_excluded():
 )
 def test_the_number_of_people_to_record_is_that_of_the_power_analysis(people, needed, said):
     """It was the smallest number for a claim, while the power analysis of the same page needed more."""
-    (step,) = assessment_answer._recording_steps(certified(people, needed))
+    (step,) = assessment_answer._recording_steps([certified(people, needed)])
     assert step.text.startswith(said)
 
 
 @pytest.mark.parametrize(("people", "needed"), [(6, None), (20, None), (20, 14)])
 def test_where_no_number_of_people_decides_the_step_says_what_does(people, needed):
     """It asked for 12 people or more, of whom it said that no number would show it."""
-    (step,) = assessment_answer._recording_steps(certified(people, needed))
+    (step,) = assessment_answer._recording_steps([certified(people, needed)])
     assert ("more people will not show it transparent" if needed is None else "it may change movement") in step.text
     assert "change the controller" in step.text.lower()
     assert "in all" not in step.text
@@ -73,13 +75,20 @@ def test_where_no_number_of_people_decides_the_step_says_what_does(people, neede
 def certified(people, needed, verdict=None):
     tests = {} if verdict is None else {"duration": SimpleNamespace(verdict=verdict, bounded=0)}
     points = dict.fromkeys(tests, SimpleNamespace(index=SimpleNamespace(short="Duration")))
-    own = SimpleNamespace(end_points=tests, contradicted=lambda name: ())
+    own = SimpleNamespace(end_points=tests, contradicted=lambda name: (), tested=lambda name: verdict)
     return SimpleNamespace(condition="CLPC", participants=people, needed=needed, certificate=own, end_points=points)
+
+
+def test_conditions_that_need_the_same_share_a_step():
+    one, other = certified(6, None), certified(6, None)
+    other.condition = "PCFr"
+    (step,) = assessment_answer._recording_steps([one, other])
+    assert step.text.startswith("CLPC, PCFr: more people")
 
 
 def test_a_change_beyond_the_margin_that_may_be_chance_needs_more_people():
     """The step said that no number of people would show it transparent, which they are not to show."""
-    (step,) = assessment_answer._recording_steps(certified(8, None, "beyond"))
+    (step,) = assessment_answer._recording_steps([certified(8, None, "beyond")])
     assert step.text.startswith("CLPC: record more people to show that it is not transparent: tested alone, duration")
 
 
@@ -115,3 +124,12 @@ def test_the_page_for_a_reviewer_names_a_paper_only_after_yes():
     answer = Answer("Is it transparent?", "no", "no", next=(Step("Change it"), assessment_answer.CERTIFICATE_STEP))
     following = assessment_answer.reviewed_answer(SimpleNamespace(answer=answer)).next
     assert [step.text for step in following] == ["Change it"]
+
+
+def test_a_doubted_end_point_is_said_to_lie_where_its_test_found_it():
+    """A duration of +27.6 % (-5.0 to +71.3 %) was said to lie within 10 %."""
+    each = certified(6, None, "beyond")
+    each.certificate.contradicted = lambda name: (SimpleNamespace(what=LEFT_OUT_DOUBT),)
+    said = _why_undecided(each, {"duration": "Duration"}, ["Duration"])
+    assert said.startswith("Duration is beyond its margin, but this is not shown with targets without a movement")
+    assert assessment_answer._recording_steps([each]) == (Step("CLPC: find out why targets have no movement"),)

@@ -317,7 +317,7 @@ def reason_of_parts(parts: Sequence[AnswerPart], verdict: AnswerVerdict | None =
     The `verdict` is `verdict_of_parts` unless another one is given.
     """
     verdict = verdict_of_parts(parts) if verdict is None else verdict
-    own = [f"{part.name}: {part.reason}" for part in parts if part.verdict == verdict != "yes"]
+    own = [f"{part.name}: {part.reason.rstrip('.')}" for part in parts if part.verdict == verdict != "yes"]
     more = len(own) - MAX_NAMED_REASONS
     return "; ".join(own[:MAX_NAMED_REASONS]) + (f"; and {more} more" if more > 0 else "")
 

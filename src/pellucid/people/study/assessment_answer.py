@@ -57,10 +57,9 @@ def certificate_answer(found: AssessmentResult) -> Answer:
     if is_post_hoc:
         question += " Post hoc: this is not the registered analysis."
     open_ones = [each for each in found.certified if each.certificate.verdict not in (PASS, FAIL)]
-    steps = [step for each in open_ones for step in _recording_steps(each)]
     stated = "; ".join(f"{one.condition.replace('_', ' ')}: {one.certificate.statement}" for one in found.certified)
     beyond = "".join(f"{_beyond_text(each)} " for each in found.certified if each.certificate.verdict == FAIL)
-    following = {"yes": [], "no": [CONTROLLER_STEP], "cannot say": steps}[verdict]
+    following = {"yes": [], "no": [CONTROLLER_STEP], "cannot say": [*_recording_steps(open_ones)]}[verdict]
     following += [CERTIFICATE_STEP] if verdict != "cannot say" else []
     return Answer(
         question, verdict, f"{stated}. {_changes_text(found)} {beyond}".strip(), reason_of_parts(parts, verdict),
@@ -88,48 +87,56 @@ def _beyond_text(each: Certified) -> str:
     return f"Beyond the margin in {each.condition.replace('_', ' ')}: {', '.join(words)}." if words else ""
 
 
-def _recording_steps(each: Certified) -> tuple[Step, ...]:
-    """Return the recordings and the number of people to add if a certificate is undecided."""
-    now, condition, steps = each.participants, each.condition.replace("_", " "), []
+def _recording_steps(undecided: Sequence[Certified]) -> tuple[Step, ...]:
+    """Return the recordings and the number of people to add, each with the conditions that need them."""
+    conditions: dict[str, list[str]] = {}
+    for each in undecided:
+        for text in _recording_texts(each):
+            conditions.setdefault(text, []).append(each.condition.replace("_", " "))
+    return tuple(Step(f"{', '.join(names)}: {text}") for text, names in conditions.items())
+
+
+def _recording_texts(each: Certified) -> tuple[str, ...]:
+    """Return what to record if a certificate is undecided: what was lost, and the number of people to add."""
+    own, now, texts = each.certificate, each.participants, []
     if remedy := loss_remedy(each):
-        steps.append(Step(f"{condition}: {remedy[:1].lower()}{remedy[1:].rstrip('.')}"))
-    elif any(test.bounded for test in each.certificate.end_points.values()):
-        steps.append(Step(f"{condition}: record the movements until they settle, of the same {now} people or more"))
-    elif alone := [p.index.short for n, p in each.end_points.items()
-                   if each.certificate.end_points[n].verdict == BEYOND_MARGIN]:  # fmt: skip
-        return (Step(
-            f"{condition}: record more people to show that it is not transparent: tested alone, "
-            f"{lowered(' and '.join(alone))} would be beyond its margin already"
-        ),)  # fmt: skip
-    if not steps or now < MIN_PEOPLE:
-        steps.append(_people_step(each, now, condition))
-    return tuple(steps)
+        texts.append(f"{remedy[:1].lower()}{remedy[1:].rstrip('.')}")
+    elif any(test.bounded for test in own.end_points.values()):
+        texts.append(f"record the movements until they settle, of the same {now} people or more")
+    elif alone := [p.index.short for n, p in each.end_points.items() if own.end_points[n].verdict == BEYOND_MARGIN]:
+        return (
+            "record more people to show that it is not transparent: tested alone, "
+            f"{lowered(' and '.join(alone))} would be beyond its margin already",
+        )
+    is_beyond = any(own.tested(name) == BEYOND_MARGIN for name in each.end_points)
+    if not texts or (now < MIN_PEOPLE and not is_beyond):
+        texts.append(_people_text(each.needed, now))
+    return tuple(texts)
 
 
-def _people_step(each: Certified, now: int, condition: str) -> Step:
+def _people_text(needed: int | None, now: int) -> str:
     """Return the number of people to add by the power analysis, or what to do where no number would decide.
 
     The analysis counts with the smallest number of people for a claim.
     """
     if now < MIN_FORECAST_PEOPLE:
-        return Step(
-            f"{condition}: record {_more_people(MIN_PEOPLE - now)}, {MIN_PEOPLE} in all, the smallest number for a "
-            f"claim; with {MIN_FORECAST_PEOPLE} the power analysis says how many are needed"
+        return (
+            f"record {_more_people(MIN_PEOPLE - now)}, {MIN_PEOPLE} in all, the smallest number for a claim; with "
+            f"{MIN_FORECAST_PEOPLE} the power analysis says how many are needed"
         )
-    if each.needed is None:
-        return Step(
-            f"{condition}: more people will not show it transparent (people vary so much that {CERTIFICATE_SIZES[-1]} "
-            "would not be enough). Record more movements of each person, plan a study with a wider margin, or change "
-            "the controller"
+    if needed is None:
+        return (
+            f"more people will not show it transparent (people vary so much that {CERTIFICATE_SIZES[-1]} would not be "
+            "enough). Record more movements of each person, plan a study with a wider margin, or change the controller"
         )
-    if each.needed > now:
-        return Step(
-            f"{condition}: record {_more_people(each.needed - now)}, {each.needed} in all: then 9 of 10 studies show "
-            "that a robot which changes nothing is transparent"
+    if needed > now:
+        return (
+            f"record {_more_people(needed - now)}, {needed} in all: then 9 of 10 studies show that a robot which "
+            "changes nothing is transparent"
         )
-    return Step(
-        f"{condition}: it may change movement, because {each.needed} people show a robot that changes nothing. Change "
-        "the controller, or record more movements of each person"
+    return (
+        f"it may change movement, because {needed} people show a robot that changes nothing. Change the controller, or "
+        "record more movements of each person"
     )
 
 

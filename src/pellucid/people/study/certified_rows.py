@@ -214,9 +214,9 @@ def _reason(each: Certified) -> str:
 def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[str]) -> str:
     """Return the reason of "cannot say" that a reader can act on first."""
     own = each.certificate
-    lost = [(words[n], [d for d in own.contradicted(n) if d.what in LOSS_DOUBTS]) for n in words]
-    if any(doubts for _, doubts in lost):
-        return _doubts_text([(name, WITHIN_MARGIN, doubts) for name, doubts in lost if doubts], each)
+    lost = [(words[n], own.tested(n), [d for d in own.contradicted(n) if d.what in LOSS_DOUBTS]) for n in words]
+    if any(doubts for *_, doubts in lost):
+        return _doubts_text([lost_one for lost_one in lost if lost_one[2]], each)
     lacking = {n: own.share_test(n) for n in each.end_points if own.lacks_people(n)}
     if any(shares is not None and shares.answer == TOO_FEW for shares in lacking.values()):
         hidden = 100.0 * (1.0 - HIDDEN_SHARE) ** each.participants
@@ -242,7 +242,7 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
     cut = [words[n] for n in tests if tests[n].bounded]
     if cut:
         return (
-            f"Undecided: {', '.join(undecided)}. Some movements had not ended when the next target came "
+            f"{_undecided_text(undecided)} Some movements had not ended when the next target came "
             f"({', '.join(cut)}): record movements until they settle."
         )
     more = (
@@ -255,7 +255,11 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
         else f"With this variation among people, no study of up to {CERTIFICATE_SIZES[-1]} people would show it: "
         "measure more precisely, or record more movements."
     )
-    return f"Undecided: {', '.join(undecided)}. {more}"
+    return f"{_undecided_text(undecided)} {more}"
+
+
+def _undecided_text(names: Sequence[str]) -> str:
+    return f"The test shows neither within nor beyond the margin for {', '.join(names)}."
 
 
 def _doubts_text(doubted: Sequence[tuple[str, str, Sequence[Doubt]]], each: Certified) -> str:
