@@ -211,6 +211,8 @@ def try_files(
     json: Json = False,
 ) -> None:
     """Identify a log at once, with every default, on one page."""
+    from dataclasses import replace
+
     from .start.try_lines import tried_lines, try_table
     from .start.try_log import try_log
 
@@ -229,6 +231,7 @@ def try_files(
         worst = [(v.kind, v.said.replace("`", "")) for v in told]
         print_items(console, worst, MAX_TRIED_WARNING_LINES)
         print_line(console, f"Page: {tried.page}")
+        print_steps(console, replace(tried.answer, next=tuple(s for s in tried.answer.next if not s.command)))
         print_line(console, f"Next: {tried.answer.next_command}")
     exit_unless_answered([tried.answer])
 

@@ -79,13 +79,16 @@ def test_a_yes_beside_a_larger_error_and_a_fitted_number_are_found_to_contradict
     assert any("badge" in text for text in page_contradictions(found, page))
 
 
-def test_a_default_that_scales_every_number_leaves_nobody_able_to_say_yes():
+def test_a_default_that_scales_every_number_leaves_only_relative_numbers_to_say_yes():
     """A log in turns that was read as radians had a green yes without a word of the open question."""
     open_question = Assumption("position_unit", "rad", "In which unit?", is_scale=True)
     answer = with_assumed(PLAIN, (open_question, Assumption("worn", "no")))
     assert (answer.verdict, answer.is_answered) == ("cannot say", False)
     assert answer.sentence.startswith("No file states the scale of these figures; assumed: position_unit = rad.")
     assert answer.based_on == ("Assumed, because no file states it: position_unit = rad, worn = no.",)
+    relative = with_assumed(replace(PLAIN, is_relative=True), (open_question,))
+    assert (relative.badge, relative.is_answered) == ("Yes (scale not confirmed)", True)
+    assert relative.sentence.endswith("; no file states the scale of the parameters; assumed: position_unit = rad")
     kept = with_assumed(PLAIN, (Assumption("worn", "no"),))
     assert kept.verdict == "yes"
     assert "worn = no" in kept.based_on[0]
@@ -100,7 +103,7 @@ def test_a_study_repeats_the_defaults_that_nobody_confirmed(tmp_path):
     table = '[[assumed]]\nkey = "position_unit"\ntaken = "rad"\nquestion = "In which unit?"\nscale = true\n'
     path.write_text(text.replace("[rig]", f"{table}[rig]", 1), encoding="utf-8")
     found = run(open_study(folder), "identify", **FAST)
-    assert found.answer.verdict == "cannot say"
+    assert found.answer.badge == "Yes (scale not confirmed)"
     assert "position_unit = rad" in str(found)
     assert found.answer.next[0].name == "check"
     assert found.rows == plain.rows
@@ -118,11 +121,15 @@ def test_a_finding_that_the_figures_are_wrong_comes_first_and_ends_with_a_reason
 @pytest.mark.parametrize(
     ("basis", "said"),
     [
-        (Basis(3, 7), "Based on 3 of 7 recordings, measured."),
-        (Basis(7, 7, judged="2 held-out recordings", is_simulated=True),
-         "Based on 7 recordings, simulated; numbers are of 2 held-out recordings."),
-        (Basis(1, 1, "participant"), "Based on 1 participant, measured."),
-        (Basis(2, 2, "model card", is_simulated=None), "Based on 2 model cards, measured or simulated."),
+        (Basis(3, 7), "Based on 3 of 7 recordings, as recorded."),
+        (Basis(7, 7, judged="held-out segments", is_simulated=True),
+         "Based on 7 recordings, simulated; numbers are of held-out segments."),
+        (Basis(7, 7, judged="2 held-out recordings", is_simulated=False, held_out=2),
+         "Based on 7 recordings, measured; numbers are of held-out data: 2 of 7 recordings."),
+        (Basis(1, 1, parts=2, held_out=1),
+         "Based on 1 recording in 2 parts, as recorded; numbers are of held-out data: 1 of 2 parts."),
+        (Basis(1, 1, "participant", is_simulated=False), "Based on 1 participant, measured."),
+        (Basis(2, 2, "model card", is_simulated=None), "Based on 2 model cards."),
     ],
 )  # fmt: skip
 def test_what_an_answer_is_based_on_counts_what_was_used(basis, said):

@@ -392,4 +392,4 @@ def test_the_audit_of_emg_counts_the_files_that_have_emg(tmp_path):
     without = {name: samples for name, samples in log.items() if "EMG" not in name}
     found = audit_emg([written(tmp_path, log, "emg.csv"), written(tmp_path, without, "motion.csv")])
     assert [file.name for file in found.files] == ["emg.csv"]
-    assert found.answer.basis.sentence == "Based on 1 file, measured."
+    assert found.answer.basis.sentence == "Based on 1 file, as recorded."

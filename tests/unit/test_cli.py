@@ -272,7 +272,7 @@ def test_identified_studies_compare(bench):
     assert "No parameter changed" in result.output
     question, _, basis = result.output.splitlines()[:3]
     assert question == "Did the joint change from A to B?"
-    assert basis == "Based on 2 model cards, measured; numbers are of what each model was fitted to."
+    assert basis == "Based on 2 model cards; numbers are of what each model was fitted to."
 
 
 def test_demo_prints_its_story(tmp_path, monkeypatch):

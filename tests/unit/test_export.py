@@ -654,7 +654,7 @@ def test_without_a_measured_drive_the_first_line_says_what_is_not_found(study, u
     question, said, based_on, *_ = printed.stdout.splitlines()
     assert question == "Can this controller be exported, and what does it protect from?"
     assert said == f"Yes. {warning}"
-    assert based_on == "Based on 1 model card, measured."
+    assert based_on == "Based on 1 model card."
     (stored,) = json.loads(study.results_path.read_text(encoding="utf-8"))["answers"]
     assert (stored["command"], stored["procedure"]) == ("export", "c")
     assert (stored["verdict"], stored["said"]) == ("yes", warning)

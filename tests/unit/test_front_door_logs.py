@@ -117,7 +117,7 @@ def test_a_command_alone_is_asked_for(tmp_path):
     path = written(tmp_path / "log.csv", "t_s,q_rad,tau_cmd_Nm", [t, q, tau])
     assert "command_followed" in {question.key for question in proposed(path).asked}
     tried = try_log([path], out=tmp_path / "page")
-    assert tried.answer.verdict == "cannot say"
+    assert tried.answer.badge == "Yes (scale not confirmed)"
     assert try_log([path], out=tmp_path / "sure", answers={"command_followed": "yes"}).answer.verdict == "yes"
 
 
@@ -299,7 +299,7 @@ def test_a_recording_that_cannot_tell_inertia_from_weight_may_contradict_the_oth
     [
         ({}, "torque_Nm", "Yes (with assumptions)"),
         ({"worn": "no", "angle_zero": "yes"}, "torque_Nm", "Yes"),
-        ({}, "torque_raw", "Cannot say"),
+        ({}, "torque_raw", "Yes (scale not confirmed)"),
     ],
 )  # fmt: skip
 def test_a_proposals_page_says_whether_it_rests_on_assumptions(tmp_path, answers, effort, badge):

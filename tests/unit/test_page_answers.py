@@ -156,7 +156,8 @@ def test_a_joint_says_how_many_recordings_are_beyond_the_bound():
         patch.setattr(module, "by_recording", lambda held: [[each] for each in held])
         patch.setattr(module, "pooled_error", lambda group: group[0].error)
         said = module.joint_answer(fit).sentence
-    assert said.endswith("an error of 11.4 % (8.00 to 29.3 % by recording; 1 of 2 within 20 %).")
+    rule = "yes needs at most 20 % over all of them"
+    assert said.endswith(f"an error of 11.4 % (8.00 to 29.3 % by recording; 1 of 2 within 20 %, {rule}).")
 
 
 @pytest.mark.parametrize(("kind", "verdict"), [("wrong", "cannot say"), ("warning", "cannot say"), ("note", "yes")])

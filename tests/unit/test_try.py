@@ -105,8 +105,8 @@ def test_the_temporary_folder_stays_and_is_named(tmp_path, monkeypatch):
     assert "--answer worn=yes" in done.output
 
 
-def test_figures_that_scale_with_a_default_may_not_be_used_before_it_is_confirmed(tmp_path):
-    """A torque without a unit gave "Yes": 48 N*m of the drive stood there as 100 N*m."""
+def test_figures_that_scale_with_a_default_say_that_it_is_not_confirmed(tmp_path):
+    """The prediction within 20 % does not depend on the scale; 48 N*m of the drive stood there as 100 N*m."""
     p = made_layouts.swing(20)
     path = tmp_path / "log.csv"
     table = np.column_stack([p["t"], p["q"], p["tau"]])
@@ -114,11 +114,12 @@ def test_figures_that_scale_with_a_default_may_not_be_used_before_it_is_confirme
     done = run(path, "-q", "--out", tmp_path / "open")
     said = done.output
     assert done.exit_code == 0
-    assert "Cannot say. No file states the scale of these figures; assumed: effort = torque in N·m." in said
-    assert '--answer "effort=torque in N*m"' in " ".join(said.split())
-    assert "Cannot say" in first_screen(tmp_path / "open" / "index.html")
-    said = run(path, "-q", "--answer", "effort=torque in N*m", "--json").output
-    assert json.loads(said)["answer"] == "yes"
+    assert "Yes (scale not confirmed). The" in said
+    assert "no file states the scale of the parameters; assumed: effort = torque in N·m." in said
+    assert 'Confirm or correct the scale: try again with --answer "effort=torque in N*m".' in " ".join(said.split())
+    assert "Yes (scale not confirmed)" in first_screen(tmp_path / "open" / "index.html")
+    said = run(path, "-q", "--answer", "effort=torque in N*m").output
+    assert "Yes. The" in said
 
 
 def test_a_motor_s_turns_become_the_joint_s(tmp_path):
@@ -178,7 +179,7 @@ def test_a_gear_in_a_comment_is_the_default_of_a_motor_s_turns(tmp_path):
     proposal = propose_study(read_given([path]), "made")
     assert {question.key: question.default for question in proposal.asked}["gear_turns"] == "9"
     said = run(path, "-q").output
-    assert "Cannot say" in said
+    assert "scale not confirmed" in said
     assert '--answer "gear_turns=9"' in " ".join(said.split())
     by_motor = headline(path, "--answer", "gear_turns=9")
     path = table_file(tmp_path, "time [s],q_rad,tau_Nm", [p["t"], p["q"], p["tau"]])
@@ -258,6 +259,69 @@ def test_a_log_without_effort_is_refused_in_one_sentence_and_a_page(tmp_path):
     assert reason.startswith("pellucid: s: no study was made: no effort was recorded: ")
     assert Path(where.removeprefix("What was understood: ")).is_file()
     assert not (tmp_path / "s").exists()
+
+
+def following_of(page):
+    """Return the next steps of a page in plain text."""
+    listed = page.read_text(encoding="utf-8").partition('id="next"')[2].partition("</div>")[0]
+    return [re.sub(r"<[^>]+>", "", each).strip() for each in re.findall(r"<li class=\"step\">(.*?)</li>", listed)]
+
+
+def test_a_refused_log_has_a_page_with_question_answer_reason_basis_and_next_step(tmp_path):
+    """The page was a proposal without a next step."""
+    p = made_layouts.swing(20)
+    path = table_file(tmp_path, "time_s,q_rad", [p["t"], p["q"]])
+    run(path, "--out", tmp_path / "out")
+    page = tmp_path / "out" / "index.html"
+    text = page.read_text(encoding="utf-8")
+    assert "<p class=\"kicker\">Pellucid try</p>" in text
+    assert "<h1>log</h1>" in text
+    assert "Can a model be identified from these files?" in text
+    assert '<span class="badge">No</span> No effort was recorded' in text
+    assert "Based on 1 recording in 2 parts, as recorded." in text
+    record, repeat = following_of(page)
+    assert record == "Record the effort too, or rename its column, as in &#34;torque [Nm]&#34;."
+    assert repeat == f"Then repeat: pellucid try {path}."
+
+
+def test_a_refusal_for_want_of_an_answer_says_how_to_give_it(tmp_path):
+    p = made_layouts.swing(23)
+    path = table_file(tmp_path, "time [s],knee_deg,loadcell_N", [p["t"], np.degrees(p["q"]), p["tau"] / 0.25])
+    run(path, "--out", tmp_path / "out")
+    answer, repeat = following_of(tmp_path / "out" / "index.html")
+    assert answer.startswith("Add the answer to the command, with the right value: --answer")
+    assert "lever_arm=0.3 m" in answer
+    assert "pellucid try" in repeat
+    done = run(path, "--answer", "colour=red", "--out", tmp_path / "unknown")
+    assert done.exit_code != 0
+    assert following_of(tmp_path / "unknown" / "index.html")
+
+
+@pytest.mark.parametrize("value", [0.0, 0.25])
+def test_a_constant_effort_is_named_and_not_missing(tmp_path, value):
+    """It was said that no column holds a torque."""
+    p = made_layouts.swing(20)
+    path = table_file(tmp_path, "time [s],q [rad],knee torque [Nm]", [p["t"], p["q"], np.full(len(p["q"]), value)])
+    done = run(path, "--out", tmp_path / "out")
+    told = f'the effort was not measured: "knee torque [Nm]" ({value:g} in every row) never changes'
+    assert told in str(done.exception)
+    first = following_of(tmp_path / "out" / "index.html")[0]
+    assert first == "Record again with the sensor or the drive connected."
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [("# simulated with MuJoCo\n", "simulated"), ("# not simulated\n", "as recorded"), ("", "as recorded")],
+)
+def test_a_log_is_called_simulated_where_it_says_so_and_measured_nowhere(tmp_path, head, said):
+    """A simulated log was called measured, and its two parts were two recordings."""
+    p = made_layouts.swing(20)
+    path = table_file(tmp_path, f"{head}time [s],q [rad],torque [Nm]", [p["t"], p["q"], p["tau"]])
+    printed = run(path, "-q", "--out", tmp_path / "out").output
+    basis = f"Based on 1 recording in 2 parts, {said}; numbers are of held-out data: 1 of 2 parts."
+    assert basis in printed
+    assert basis in (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert ("simulated = true" in (tmp_path / "out" / "log" / "study.toml").read_text()) == (said == "simulated")
 
 
 def test_files_without_a_table_are_refused(tmp_path):

@@ -31,6 +31,10 @@ _SAMPLING_WORDS = frozenset({
     "sampling", "sample", "sampled", "acquisition", "recording", "data", "logging", "log", "scan",
 })  # fmt: skip
 
+_SIMULATION_WORDS = frozenset({"simulated", "simulation", "simulator", "synthetic"})
+
+_DENIALS = frozenset({"no", "not", "non", "false", "without"})
+
 NOMINAL_RATE_FACT = "nominal_srate"
 """Ending of the name of a fact that is the nominal rate of one stream of a file [Hz], after the stream's name."""
 
@@ -53,6 +57,12 @@ class FileFact:
     def text(self) -> str:
         """The value with its unit, as study.toml writes it."""
         return f"{self.value:.12g} {self.unit}"
+
+
+def states_simulation(texts: Iterable[str]) -> bool:
+    """Return whether one of a file's texts, such as its name and the lines above its numbers, says it is simulated."""
+    words = (set(words_of(text)) for text in texts)
+    return any(_SIMULATION_WORDS & each and not _DENIALS & each for each in words)
 
 
 def find_rate(facts: Mapping[str, str]) -> FileFact | None:

@@ -11,7 +11,7 @@ The mark is a keyed hash. The random key is in the user's folder of settings and
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,7 +23,7 @@ from .cut import DEFAULT_CUT_SHARE, MAX_EVEN_JITTER, MAX_MISSING_SHARE, MIN_GAP_
 from .defects import constant, echoed, frozen, garbage, held, limited, magnitude, missing, sensor_range, spikes
 from .defects.clipped import flat_tops
 from .defects.watched import INERTIAL_CHANNELS, find_runs
-from .file_facts import NOMINAL_RATE_FACT, find_rate
+from .file_facts import NOMINAL_RATE_FACT, find_rate, states_simulation
 from .name_evidence import is_emg_by_unit
 from .personal_fields import PersonalField, find_personal_columns, find_personal_lines
 from .quantity import EFFORT_QUANTITIES, Quantity, is_setting, joint_words, quantity_of
@@ -249,6 +249,7 @@ class Log:
     nominal: Mapping[str, float] = field(default_factory=dict)  # rate that the file states, by clock; "" for any [Hz]
     lost: str = ""  # what the file lacks at its end; "" for a whole file
     damaged: str = ""  # rows that were left out; "" without any
+    is_simulated: bool = False  # whether the file says that its numbers are simulated
 
 
 def log_of(columns: Columns, rate: float | None = None) -> Log:
@@ -269,7 +270,7 @@ def log_of(columns: Columns, rate: float | None = None) -> Log:
     nominal = nominal_rates(columns.facts)
     return Log(
         columns.path.name, tuple(channels), tuple(texts), tuple(personal), time, rate or nominal.get(""), nominal,
-        columns.lost, columns.damaged,
+        columns.lost, columns.damaged, is_stated_simulated(columns.path, columns.facts, map(str, columns.values)),
     )  # fmt: skip
 
 
@@ -300,6 +301,13 @@ def head_of_text(path: Path) -> list[str]:
         lines = file.read(MAX_HEADER_BYTES).decode("utf-8-sig", errors="replace").splitlines()
     first = next((i for i, line in enumerate(lines) if _NUMBERS_LINE.fullmatch(line)), len(lines))
     return lines[: min(first, MAX_HEADER_LINES)]
+
+
+def is_stated_simulated(path: Path, facts: Mapping[str, str], names: Iterable[str]) -> bool:
+    """Return whether a file says that its numbers are simulated, above them or in its name; `names` are its columns."""
+    names = tuple(names)
+    above = [line for line in head_of_text(path) if not any(name in line for name in names)] if path.is_file() else []
+    return states_simulation([path.stem, *above, *(f"{label}: {text}" for label, text in facts.items())])
 
 
 def _time_column(channels: Sequence[LogChannel]) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -14,10 +15,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from .._atomic import write_text_atomically
-from .._errors import PellucidError, StudyError, UnfitRecordingError
+from .._errors import PellucidError, StudyError, UnfitRecordingError, listed_names
 from .._given import require_empty_folder
 from ..files.fault import Fault, grouped_messages
+from ..files.quantity import is_setting, quantity_of
 from ..study.pages.page import Page, write_page
 from ..study.procedures.registry import open_study
 from ..study.procedures.run import check
@@ -50,14 +54,33 @@ def missing_part(proposal: Proposal) -> str | None:
     return next(_missing_parts(proposal), None)
 
 
+def constant_efforts(proposal: Proposal) -> str:
+    """Return that the effort was recorded as one value, with its columns; "" where no column holds such an effort."""
+    found = {}
+    for table in proposal.main.tables:
+        for name, x in table.columns.items():
+            known = x[np.isfinite(x)]
+            kind = quantity_of(name, table.units.get(name, "")).kind
+            if kind in EFFORT_QUANTITIES and not is_setting(name) and (not known.size or np.ptp(known) == 0.0):
+                found.setdefault(name, f"{known[0]:.6g}" if known.size else "no number")
+    if not found:
+        return ""
+    listed = listed_names([f'"{name}" ({value} in every row)' for name, value in found.items()], MAX_LISTED_EFFORTS)
+    return (
+        f"the effort was not measured: {listed} never changes, expected an effort that changes with the motion. "
+        "Record again with the sensor or the drive connected"
+    )
+
+
 def _missing_parts(proposal: Proposal) -> Iterator[str]:
     channels = [role for layout in (proposal.main, *proposal.streams) for role in layout.channels]
     quantities = {role.quantity for role in channels}
     # EMG alone makes a study of muscles.
     if proposal.drive is None and not quantities & {*EFFORT_QUANTITIES, "emg"}:
-        yield (
+        constant = constant_efforts(proposal)
+        yield constant or (
             "no effort was recorded: found no column with a torque, force, current, voltage or duty cycle, "
-            "expected one in addition to the motion"
+            'expected one in addition to the motion. Record the effort too, or rename its column, as in "torque [Nm]"'
         )
     elif proposal.drive is None and "emg" not in quantities:
         yield (
@@ -84,8 +107,14 @@ def _missing_parts(proposal: Proposal) -> Iterator[str]:
             )
 
 
+MAX_LISTED_EFFORTS = 3
+"""Largest number of columns of constant efforts that a message names."""
+
 RECORDINGS_FOLDER = "recordings"
 """Folder of a study that holds its files."""
+
+AGAIN = "pellucid init DIR --from FILES"
+"""Command that is repeated after a refusal, where the files were given as arrays."""
 
 REFUSAL = "no study was made"
 """Words of a refusal that stand before its reason."""
@@ -162,10 +191,21 @@ def init_from_files(
     """
     folder = Path(folder)
     require_empty_folder(folder)
-    given = read_given(files)
+    paths = [Path(file) for file in files]
+    given = read_given(paths)
     if urdf is not None:
         given = given.with_robot(Path(urdf))
-    return make_study(folder, propose_with_answers(given, study_name(folder), answers, ask))
+    again = file_command(("init", os.fspath(folder), "--from"), paths, answers or {}, urdf)
+    return make_study(folder, propose_with_answers(given, study_name(folder), answers, ask, again=again), again=again)
+
+
+def file_command(
+    start: Sequence[str], files: Sequence[Path], answers: Mapping[str, str], urdf: str | os.PathLike | None
+) -> str:
+    """Return a command on files, as a shell takes it."""
+    options = [text for key, value in answers.items() for text in ("--answer", f"{key}={value}")]
+    robot = [] if urdf is None else ["--urdf", os.fspath(urdf)]
+    return shlex.join(["pellucid", *start, *map(os.fspath, files), *robot, *options])
 
 
 def study_name(folder: Path) -> str:
@@ -179,10 +219,12 @@ def propose_with_answers(
     answers: Mapping[str, str] | None = None,
     ask: Callable[[Question], str] | None = None,
     page_folder: Path | None = None,
+    again: str = AGAIN,
 ) -> Proposal:
     """Return the proposal for files; `ask` is called with each question that `answers` do not have.
 
-    An error has a note with the path of a page of the columns, in `page_folder` or a new one for temporary files.
+    `again` is the command that is repeated after an error. The error has a note with the path of a page of the columns,
+    in `page_folder` or a new one for temporary files.
     """
     try:
         proposal = propose_study(given, name, answers)
@@ -196,7 +238,7 @@ def propose_with_answers(
                     said[question.key] = answer
         return propose_study(given, name, said) if said != dict(answers or {}) else proposal
     except PellucidError as error:
-        _note_page(error, name, files_page(given, name, str(error)), page_folder)
+        _note_page(error, name, files_page(given, name, str(error), again), page_folder)
         raise
 
 
@@ -218,6 +260,7 @@ def make_study(
     put: Callable[[Path, Path], None] = copy_file,
     page_folder: Path | None = None,
     with_page: bool = True,
+    again: str = AGAIN,
 ) -> ProposedStudy:
     """Write a proposal's study into a folder that is new or empty, if `check` accepts it.
 
@@ -235,6 +278,8 @@ def make_study(
         Folder for the page of a study that cannot be made; without it a new one for temporary files.
     with_page : bool
         Whether the page of the proposal is drawn into the study.
+    again : str
+        Command that is repeated after a refusal.
 
     Raises
     ------
@@ -260,18 +305,20 @@ def make_study(
                 page = write_page(draft / PAGE_FOLDER, proposal_page(proposal, folder)).relative_to(draft)
             _move_content(draft, folder)
     except PellucidError as error:
-        note_understood(error, proposal, page_folder)
+        note_understood(error, proposal, page_folder, again)
         raise
     return ProposedStudy(folder, folder / STUDY_FILE, None if page is None else folder / page, proposal, faults, text)
 
 
-def note_understood(error: PellucidError, proposal: Proposal, page_folder: Path | None = None) -> None:
+def note_understood(
+    error: PellucidError, proposal: Proposal, page_folder: Path | None = None, again: str = AGAIN
+) -> None:
     """Draw what was understood of files of which no study can be made, and add the page's path to the error's notes."""
     reason = str(error).rpartition(f"{REFUSAL}: ")[2]
     # An answer may be what the study lacks.
     for question in proposal.asked:
         error.add_note(question_line(question, proposal.answers.get(question.key)))
-    _note_page(error, proposal.name, unmade_page(proposal, reason), page_folder)
+    _note_page(error, proposal.name, unmade_page(proposal, reason, again), page_folder)
 
 
 def question_line(question: Question, answer: str | None) -> str:

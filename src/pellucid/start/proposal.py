@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from ..files.file_facts import FileFact
+from ..files.log import is_stated_simulated
 from ..units import parse_quantity
 from .given_files import GivenFiles, GivenTable
 from .inference.assign_roles import ColumnRole, TableRoles
@@ -147,9 +148,20 @@ class Proposal:
         return 1.0 if self.main.measures_joint else find_motor_turns(self.answers, self.drive_facts)
 
     @property
+    def is_simulated(self) -> bool:
+        """Whether every file says that its numbers are simulated."""
+        tables = self.main.tables
+        return all(is_stated_simulated(table.path, table.facts, table.columns) for table in tables)
+
+    @property
+    def whole_count(self) -> int:
+        """Number of recordings, of which one may be split."""
+        return len({id(recording.table) for recording in self.recordings})
+
+    @property
     def summary(self) -> str:
         """Number of recordings and their rate, in words, and the number of parts if one recording is split."""
-        whole = len({id(recording.table) for recording in self.recordings})
+        whole = self.whole_count
         rate = f"{self.rate:.5g} Hz" if self.rate else "an unknown sampling rate"
         parts = f", in {len(self.recordings)} parts" if len(self.recordings) > whole else ""
         return f"{whole} recording{'' if whole == 1 else 's'} at {rate}{parts}"

@@ -5,6 +5,8 @@ Figures of a proposal: every column with its proposed role, and the spectrum tha
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
@@ -13,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..study.answer import Answer, AnswerVerdict, Step, with_assumed
+from ..study.answer import Answer, AnswerVerdict, Basis, Step, with_assumed
 from ..study.drawing.drawing import Drawing, Head, draw, heads, key, line, one_panel, tidy
 from ..study.drawing.style import FIGURE_WIDTH, colour
 from ..study.pages.forest import Row, Table, number_table
@@ -23,6 +25,15 @@ from .inference.assign_roles import ColumnRole
 from .inference.processing_choice import ProcessingChoice
 from .proposal import Layout, Proposal
 from .study_text import channel_mark, channel_name, defaults_of
+
+QUESTIONS = {
+    "init": "Can a study be made of these files?",
+    "try": "Can a model be identified from these files?",
+}
+"""Questions of the commands that read files, by command."""
+
+ADVICE_VERBS = ("Correct", "Export", "Record", "Rename", "State", "Remove", "Pass", "Use", "Write", "Name")
+"""Verbs with which a message begins to say what to do."""
 
 MAX_PANELS_IN_FIGURE = 12
 """A figure has at most so many panels; further columns get a figure of their own."""
@@ -125,32 +136,53 @@ def proposal_page(proposal: Proposal, folder: Path) -> Page:
     open_questions = [q for q in proposal.asked if q.key not in proposal.answers]
     page = _with_answer(
         _page(proposal, "study.toml has a comment for each of these lines."),
-        "Do the files contain everything that a study needs?",
+        QUESTIONS["init"],
         "yes",
         (
-            *(Step(f"Answer: {q.text}") for q in open_questions[:3]),
             Step("Read each comment in study.toml that marks a guess, then check the study", "check", (), str(folder)),
+            *(Step(f"Confirm `{q.key}`, which is {q.default} by default: {q.text}") for q in open_questions[:3]),
         ),
+        _basis_of(proposal),
     )
-    answer = with_assumed(page.answer, defaults_of(proposal))
+    answer = with_assumed(replace(page.answer, is_relative=True), defaults_of(proposal))
     is_assumed = answer.is_answered and (answer.assumed or _guess_count(proposal))
-    return replace(page, answer=replace(answer, qualifier=WITH_ASSUMPTIONS if is_assumed else ""))
+    return replace(page, answer=replace(answer, qualifier=answer.qualifier or WITH_ASSUMPTIONS * bool(is_assumed)))
 
 
-def unmade_page(proposal: Proposal, reason: str) -> Page:
-    """Return the page of a proposal of which no study can be made, for a `reason` of one sentence."""
+def unmade_page(proposal: Proposal, reason: str, again: str) -> Page:
+    """Return the page of a proposal of which no study can be made, for a `reason`; `again` is the command to repeat."""
     page = _page(proposal, "No study was written.")
-    open_questions = [q for q in proposal.asked if q.key not in proposal.answers]
-    return _with_answer(
-        replace(page, headline=_sentence(reason)),
-        "Can a study be made from these files?",
-        "no",
-        tuple(Step(f"{q.text} Answer with `--answer {q.key}=...`") for q in open_questions[:3]),
-    )
+    command, following = again.split()[1], steps_after(reason, again)
+    page = replace(page, title=proposal.name, kicker=f"Pellucid {command}", headline=_sentence(reason))
+    return _with_answer(page, QUESTIONS[command], "no", following, _basis_of(proposal))
 
 
-def files_page(given: GivenFiles, name: str, reason: str) -> Page:
-    """Return the page of files for which nothing can be proposed, for a `reason` of one sentence."""
+def steps_after(reason: str, again: str) -> tuple[Step, ...]:
+    """Return what to do after a refusal: what its message says, and the command to repeat.
+
+    A message says what was found and what is expected, and may end with what to do, or with an answer to give.
+    """
+    told = re.search(r'--answer (?:"(?P<quoted>[^"]+)"|(?P<plain>[^\s,.;]+=\S+))', reason)
+    given = "" if told is None else (told["quoted"] or told["plain"])
+    do = re.search(rf"(?<=[.;] )(?:{'|'.join(ADVICE_VERBS)}) .*", capitalised_sentences(reason))
+    expected = re.search(r"expected (.*)", reason)
+    if given:
+        first = f"Add the answer to the command, with the right value: `--answer {shlex.quote(given)}`"
+    elif do is not None:
+        first = do[0]
+    else:
+        first = f"Correct the files, or record again: expected {expected[1]}" if expected else "Correct the files"
+    return Step(first), Step("Then repeat", line=again)
+
+
+def capitalised_sentences(text: str) -> str:
+    """Return a text in which what follows a semicolon begins like a sentence."""
+    return re.sub(r"(?<=; )[a-z]", lambda found: found[0].upper(), text)
+
+
+def files_page(given: GivenFiles, name: str, reason: str, again: str) -> Page:
+    """Return the page of files for which nothing can be proposed, for a `reason`; `again` is the command to repeat."""
+    command, count = again.split()[1], len({table.path for table in given.tables})
     rows = tuple(
         Row((table.path.name, column, table.units.get(column, ""), str(len(values))))
         for table in given.tables
@@ -163,14 +195,23 @@ def files_page(given: GivenFiles, name: str, reason: str) -> Page:
     if unread:
         sections.append(Section("unread", "Files that were not read", tables=(Table(("File", "Reason"), unread),)))
     return Page(
-        f"Files: {name}",
-        "Pellucid init",
+        name,
+        f"Pellucid {command}",
         "",
         (),
         tuple(sections),
         f"Written by pellucid {version('pellucid')}. No study was written.",
-        answer=Answer("Can a study be made of these files?", "no", _sentence(reason), reason),
-    )
+        answer=Answer(
+            QUESTIONS[command], "no", _sentence(reason), reason, next=steps_after(reason, again),
+            basis=Basis(count, count + len(given.unread), "file"),
+        ),
+    )  # fmt: skip
+
+
+def _basis_of(proposal: Proposal) -> Basis:
+    """Return what a proposal is based on: its recordings, of which one may be split."""
+    count, parts = proposal.whole_count, len(proposal.recordings)
+    return Basis(count, count, is_simulated=proposal.is_simulated or None, parts=parts if parts > count else 0)
 
 
 def _page(proposal: Proposal, footer: str) -> Page:
@@ -187,7 +228,7 @@ def _page(proposal: Proposal, footer: str) -> Page:
         "Pellucid init",
         _headline(proposal, count, guesses),
         (
-            Tile("recordings", str(len(proposal.recordings))),
+            Tile("recordings", str(proposal.whole_count)),
             Tile("channels", str(count), more=f"{guesses} to confirm"),
             Tile("sampling rate", f"{rate:.4g}" if rate else "unknown", "Hz" if rate else ""),
             Tile("questions", str(len(proposal.asked)), more="each has a default" if proposal.asked else ""),
@@ -202,11 +243,14 @@ def _guess_count(proposal: Proposal) -> int:
     return sum(bool(channel_mark(role, proposal)) for layout in layouts for role in layout.channels)
 
 
-def _with_answer(page: Page, question: str, verdict: AnswerVerdict, following: tuple[Step, ...]) -> Page:
+def _with_answer(
+    page: Page, question: str, verdict: AnswerVerdict, following: tuple[Step, ...], basis: Basis
+) -> Page:
     """Return a page whose headline answers a question, with the first figure moved from its section to the top."""
     figure = next((drawing for section in page.sections for drawing in section.drawings), None)
     sections = page.sections if figure is None else without_drawing(page.sections, figure.name)
-    answer = Answer(question, verdict, page.headline, "" if verdict == "yes" else page.headline, next=following)
+    reason = "" if verdict == "yes" else page.headline
+    answer = Answer(question, verdict, page.headline, reason, basis=basis, next=following)
     return replace(page, sections=sections, answer=answer, figure=figure)
 
 

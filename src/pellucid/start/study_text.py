@@ -57,6 +57,7 @@ def study_text(proposal: Proposal, files: Mapping[int, str]) -> str:
         "# docs/reference/index.md lists all keys.",
         "",
         f"name = {_text(proposal.name)}",
+        *(["simulated = true  # as the files say"] if proposal.is_simulated else []),
         *_notes(proposal),
         "",
         *_questions(proposal),

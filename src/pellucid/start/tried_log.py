@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..models.estimates import Parameter, Verdict, rank_verdicts
-from ..study.answer import Answer, Assumption, Step
+from ..study.answer import REPORT_COMMAND, Answer, Assumption, Step
 from ..study.procedures.result import HeldOutEffort, Result
 from ..study.study import Study
 from .proposal import NO_ANSWERS, Proposal
@@ -69,26 +69,21 @@ class TriedLog:
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Verdicts on the result, the worst first, with one on the defaults that its figures scale with."""
-        taken = [a for a in self.assumptions if a.is_scale]
-        if not taken:
-            return rank_verdicts(self.result.verdicts)
-        listed = ", ".join(f"`{a.subject}` {a.taken}" for a in taken)
-        shown = (a.taken if a.taken not in NO_ANSWERS else "..." for a in taken)
-        answers = " ".join(f'`--answer "{a.subject}={value}"`' for a, value in zip(taken, shown, strict=True))
-        doubt = Verdict(
-            "warning",
-            f"The scale of all results is unconfirmed, because no file states it. Assumed: {listed}.",
-            f"Confirm or correct it: {answers}.",
-            finding="unconfirmed_scale",
-            weight=float("inf"),
-        )
-        return rank_verdicts((*self.result.verdicts, doubt))
+        """Verdicts on the result, the worst first."""
+        return rank_verdicts(self.result.verdicts)
 
     @property
     def answer(self) -> Answer:
-        """The result's answer, whose next step is a study of these files."""
+        """The result's answer; its next steps confirm a scale or correct a cause, and make a study of these files."""
         steps = [Step("Make a study of these files", line=self.next_command)]
+        if self.result.answer.verdict != "yes":
+            improve = [step for step in self.result.answer.next if step.name != REPORT_COMMAND]
+            steps = [*improve, *steps]
+        taken = [a for a in self.assumptions if a.is_scale]
+        if taken:
+            shown = (a.taken if a.taken not in NO_ANSWERS else "..." for a in taken)
+            answers = " ".join(f'--answer "{a.subject}={value}"' for a, value in zip(taken, shown, strict=True))
+            steps.insert(0, Step(f"Confirm or correct the scale: try again with `{answers}`"))
         if self.robot_command:
             steps.append(Step("Or identify one model of all joints, with the robot's URDF", line=self.robot_command))
         return replace(self.result.answer, next=tuple(steps))

@@ -22,7 +22,7 @@ def tried_lines(tried: TriedLog) -> tuple[list[str], tuple[tuple[str, ...], list
     assumed."""
     proposal = tried.proposal
     kind = "force" if (proposal.motion, proposal.drive) == ("prismatic", "torque") else proposal.drive
-    drive = f", driven by a measured {kind}" if kind else ""
+    drive = f", driven by {kind}" if kind else ""
     before = [
         *answer_lines(tried.answer),
         f"{tried.study.name}: {proposal.motion} motion{drive}; {proposal.summary}.",

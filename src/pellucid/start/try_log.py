@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import shlex
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from ..study.procedures.run import run
 from ..study.study import Study
 from .assumptions import assumptions_of
 from .given_files import GivenFiles, read_given
-from .init_from_files import make_study, note_understood, propose_with_answers, study_name
+from .init_from_files import file_command, make_study, note_understood, propose_with_answers, study_name
 from .tried_log import TriedJoint, TriedLog
 from .try_page import try_page
 
@@ -64,15 +63,16 @@ def try_log(
     name = _name_of(given)
     on_progress("looking at columns", 0.1)
     folder = Path(tempfile.mkdtemp(prefix="pellucid-try-")) if out is None else Path(out)
-    proposal = propose_with_answers(given, name, answers, page_folder=folder)
+    again = file_command(("try",), files, answers or {}, urdf)
+    proposal = propose_with_answers(given, name, answers, page_folder=folder, again=again)
     on_progress("checking the recordings", 0.3)
-    made = make_study(folder / name, proposal, named=_named(given), page_folder=folder, with_page=False)
+    made = make_study(folder / name, proposal, named=_named(given), page_folder=folder, with_page=False, again=again)
     study = open_study(made.folder)
     try:
         command = next((procedure.command for procedure in asked(study)), "identify")
         result = run(study, command, on_progress=lambda text, share: on_progress(text, 0.4 + 0.5 * share))
     except PellucidError as error:
-        note_understood(error, proposal, folder)
+        note_understood(error, proposal, folder, again)
         raise
     result.save(study)
     on_progress("drawing the page", 0.92)
@@ -84,8 +84,8 @@ def try_log(
         result,
         _joints_of(study, result),
         assumptions_of(proposal, made.text),
-        _command(("init", name, "--from"), files, answers or {}, urdf),
-        _command(("try",), files, answers or {}, "ROBOT.urdf") if _is_joint_by_joint(study, command) else "",
+        file_command(("init", name, "--from"), files, answers or {}, urdf),
+        file_command(("try",), files, answers or {}, "ROBOT.urdf") if _is_joint_by_joint(study, command) else "",
     )
     return replace(tried, page=write_page(folder, try_page(tried)))
 
@@ -107,15 +107,6 @@ def _named(given: GivenFiles) -> str:
 def _is_joint_by_joint(study: Study, command: str) -> bool:
     """Return whether several joints were identified without a table of a robot."""
     return len(study.rig.joints) > 1 and all(p.table is None for p in asked(study, command))
-
-
-def _command(
-    start: Sequence[str], files: Sequence[Path], answers: Mapping[str, str], urdf: str | os.PathLike | None
-) -> str:
-    """Return a command on the same files, as a shell takes it."""
-    options = [text for key, value in answers.items() for text in ("--answer", f"{key}={value}")]
-    robot = [] if urdf is None else ["--urdf", os.fspath(urdf)]
-    return shlex.join(["pellucid", *start, *map(os.fspath, files), *robot, *options])
 
 
 def _joints_of(study: Study, result: Result) -> tuple[TriedJoint, ...]:

@@ -32,6 +32,12 @@ USE_QUESTION = "May these figures be used?"
 WORN_TOGETHER = "machine and limb together"
 """What the parameters of a machine that somebody wears describe."""
 
+RECORDED_UNITS = ("recording", "file")
+"""Counted units that are recordings themselves, and not what was made of them."""
+
+UNCONFIRMED_SCALE = "scale not confirmed"
+"""Limit of a verdict on relative numbers where a default scales all absolute ones."""
+
 MAX_NAMED_ASSUMPTIONS = 4
 """Largest number of assumptions that a sentence names; a study's page has all."""
 
@@ -104,26 +110,37 @@ class Basis:
         Whether somebody wears the machine that was identified.
     more : tuple of str
         Further sentences, such as on the analysis that was registered.
+    parts : int
+        Number of parts into which the counted things were cut; 0 where each is whole.
+    held_out : int
+        Number of the counted things, or of their parts, that were held out from the fit and that the numbers are of.
     """
 
     used: int
     recorded: int
     counted: str = "recording"
     judged: str = ""
-    is_simulated: bool | None = False
+    is_simulated: bool | None = None
     is_worn: bool = False
     more: tuple[str, ...] = ()
+    parts: int = 0
+    held_out: int = 0
 
     @property
     def sentence(self) -> str:
         """What the answer is based on, in one or more sentences."""
-        noun = self.counted if self.recorded == 1 else f"{self.counted}s"
         text = f"{self.used} of {self.recorded}" if self.used != self.recorded else f"{self.recorded}"
-        known = {True: "simulated", False: "measured", None: "measured or simulated"}
-        origin = known[self.is_simulated]
-        origin += f", of {WORN_TOGETHER}" if self.is_worn else ""
-        judged = f"; numbers are of {self.judged}" if self.judged else ""
-        return " ".join((f"Based on {text} {noun}, {origin}{judged}.", *self.more))
+        text += f" {_plural(self.counted, self.recorded)}{f' in {self.parts} parts' if self.parts else ''}"
+        origins = {True: "simulated", False: "measured", None: "as recorded" if self.counted in RECORDED_UNITS else ""}
+        words = [text, origins[self.is_simulated], f"of {WORN_TOGETHER}" if self.is_worn else ""]
+        whole, noun = (self.parts, "part") if self.parts else (self.used, self.counted)
+        judged = f"held-out data: {self.held_out} of {whole} {_plural(noun, whole)}" if self.held_out else self.judged
+        based_on = f"Based on {', '.join(filter(None, words))}{f'; numbers are of {judged}' if judged else ''}."
+        return " ".join((based_on, *self.more))
+
+
+def _plural(noun: str, count: int) -> str:
+    return noun if count == 1 else f"{noun}s"
 
 
 @dataclass(frozen=True)
@@ -223,6 +240,8 @@ class Answer:
         What to do next, the first step first.
     is_unconfirmed : bool
         Whether nothing but an unconfirmed default, on which every number depends, keeps it from being yes or no.
+    is_relative : bool
+        Whether the verdict is the same in any scale of the numbers, as that on a relative error is.
     qualifier : str
         What limits the verdict, such as ``"post hoc"``; it stands on the badge.
     """
@@ -237,6 +256,7 @@ class Answer:
     assumed: tuple[Assumption, ...] = ()
     next: tuple[Step, ...] = field(default=())
     is_unconfirmed: bool = False
+    is_relative: bool = False
     qualifier: str = ""
 
     @property
@@ -328,6 +348,11 @@ def verdict_of_parts(parts: Iterable[AnswerPart]) -> AnswerVerdict:
     return "no" if "no" in said else "yes" if said == {"yes"} else "cannot say"
 
 
+def needed_of_parts(parts: Sequence[AnswerPart]) -> str:
+    """Return how many parts a yes needs, to follow how many are sound; "" where all are."""
+    return "" if verdict_of_parts(parts) == "yes" else f"; yes needs all {len(parts)}"
+
+
 def answer_of_parts(
     question: str,
     said: str,
@@ -338,6 +363,7 @@ def answer_of_parts(
     improve: Sequence[Step],
     next: Sequence[Step] = (PAPER_STEP,),
     without_parts: str = "",
+    is_relative: bool = False,
 ) -> Answer:
     """Return the answer that its parts give together, with their reasons; `without_parts` is the reason if none are.
 
@@ -346,7 +372,7 @@ def answer_of_parts(
     verdict = verdict_of_parts(parts)
     return Answer(
         question, verdict, said, reason_of_parts(parts) if parts else without_parts, tuple(parts), tuple(numbers),
-        basis, next=steps_after(verdict, next, improve),
+        basis, next=steps_after(verdict, next, improve), is_relative=is_relative,
     )  # fmt: skip
 
 
@@ -369,12 +395,18 @@ def spoilt(answer: Answer, flaw: str) -> Answer:
 
 
 def with_assumed(answer: Answer, assumed: Sequence[Assumption]) -> Answer:
-    """Return an answer with the defaults that were taken; where one scales every number, nobody can say yes or no."""
+    """Return an answer with the defaults that were taken.
+
+    Where one scales every number, nobody can say yes or no, except to a question on relative numbers.
+    """
     scales = [each for each in assumed if each.is_scale]
     answer = replace(answer, assumed=tuple(assumed))
     if not scales or not answer.is_answered:
         return answer
     named = ", ".join(f"{each.subject} = {each.taken}" for each in scales)
+    if answer.is_relative:
+        said = f"{answer.said.rstrip('.')}; no file states the scale of the parameters; assumed: {named}"
+        return replace(answer, said=said, qualifier=answer.qualifier or UNCONFIRMED_SCALE)
     reason = f"no file states the scale of these figures, and a default is assumed: {named}"
     said = f"No file states the scale of these figures; assumed: {named}. {begun(answer.said)}"
     return replace(answer, verdict="cannot say", reason=reason, said=said, is_unconfirmed=True)

@@ -1109,8 +1109,8 @@ class StudyFile(StudyTable):
         Remarks that the report repeats.
     assumed : tuple of AssumedDefault
         Defaults that nobody confirmed; every answer repeats them.
-    simulated : bool
-        Whether the recordings were simulated.
+    simulated : bool, optional
+        Whether the recordings were simulated; omitted where that is not known.
     worn : bool
         Whether somebody wears the machine: parameters are then those of machine and limb together.
     rig : OneJoint or SeveralJoints
@@ -1140,7 +1140,7 @@ class StudyFile(StudyTable):
     citation: str = ""
     notes: tuple[str, ...] = ()
     assumed: tuple[AssumedDefault, ...] = ()
-    simulated: bool = False
+    simulated: bool | None = None
     worn: bool = False
     rig: RigTable
     participants: dict[Word, Participant] = Field({})

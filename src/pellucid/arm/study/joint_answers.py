@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...study.answer import AnswerPart
+from ...study.answer import AnswerPart, needed_of_parts
 from ...study.pages.quantities import percent
 from ...study.procedures.findings import MAX_GOOD_ERROR
 
@@ -47,5 +47,6 @@ def answers_in_words(answers: Sequence[AnswerPart]) -> str:
     """Return the verdicts in a sentence; joints that are not predicted have their reason."""
     good = [each.name for each in answers if each.verdict == "yes"]
     text = f"The model predicts {len(good)} of {len(answers)} joints within {MAX_GOOD_ERROR:g} % of their effort"
+    text += needed_of_parts(answers)
     others = [f"{each.name}: {each}" for each in answers if each.verdict != "yes"]
     return f"{text}; {'; '.join(others)}" if others else text

@@ -319,6 +319,7 @@ def tree_answer(found: TreeResult) -> Answer:
         Basis(recordings, recordings, judged=judged),
         improve=_improving(found, parts),
         next=(Step("Export a controller", "export"),),
+        is_relative=True,
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from ...models.estimates import Parameter, Verdict
-from ...study.answer import Answer, AnswerPart, Basis, Step, answer_of_parts
+from ...study.answer import Answer, AnswerPart, Basis, Step, answer_of_parts, needed_of_parts
 from ...study.pages.quantities import percent, unit_text, value_and_half_interval
 from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import FigureTable, HeldOutEffort, Result
@@ -143,6 +143,7 @@ def each_joint_answer(found: EachJointResult) -> Answer:
     count = len(parts) + len(found.resting)
     said = f"{len(good)} of {count} separately identified joints have a prediction error of at most "
     said += f"{MAX_GOOD_ERROR:g} % on data not used in the fit{': ' * bool(good)}{', '.join(good)}"
+    said += needed_of_parts(parts)
     said += "".join(f"; {part.name}: {part}" for part in parts if part.verdict != "yes")
     said += f"; not moved: {', '.join(found.resting)}" if found.resting else ""
     judged = dict.fromkeys(each.basis.judged for each in answers.values() if each.basis is not None)
@@ -158,4 +159,5 @@ def each_joint_answer(found: EachJointResult) -> Answer:
         Basis(recordings, recordings, judged=" and ".join(filter(None, judged))),
         improve=(*_improving(found), ROBOT_STEP),
         next=(ROBOT_STEP,),
+        is_relative=True,
     )

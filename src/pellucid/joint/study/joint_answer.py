@@ -112,7 +112,7 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     steps = steps if held else (HOLD_OUT_STEP, *steps)
     return Answer(
         question, verdict, said, reason, numbers=tuple(numbers), basis=_basis(fit, judged),
-        next=steps,
+        next=steps, is_relative=True,
     )  # fmt: skip
 
 
@@ -135,7 +135,7 @@ def judged_words(fit: JudgedJoint) -> str:
     """Return in words the data that were not fitted and tell the error; "" if there are none."""
     held = by_recording([p for p in fit.headlined.predictions if p.split == "heldout"])
     if held:
-        return "one held-out recording" if len(held) == 1 else f"{len(held)} held-out recordings"
+        return "held-out data" if len(held) == 1 else f"{len(held)} held-out recordings"
     return STRETCHES_OUT if np.isfinite(fit.crossed_error[0]) else ""
 
 
@@ -186,7 +186,8 @@ def error_range_text(fit: JudgedJoint) -> str:
         return ""
     spread = sorted(single, key=float)
     within = sum(float(each) <= MAX_GOOD_ERROR for each in spread)
-    beyond = f"; {within} of {len(spread)} within {MAX_GOOD_ERROR:g} %" if within < len(spread) else ""
+    rule = f"yes needs at most {MAX_GOOD_ERROR:g} % over all of them"
+    beyond = f"; {within} of {len(spread)} within {MAX_GOOD_ERROR:g} %, {rule}" if within < len(spread) else ""
     return f" ({spread[0]} to {spread[-1]} % by recording{beyond})"
 
 

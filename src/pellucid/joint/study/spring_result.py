@@ -65,4 +65,5 @@ class SpringResult(Result):
             ),
             basis=Basis(count, count, judged=judged),
             next=steps_after("yes" if good else "no", (Step(use),), (DEFLECTION_STEP,)),
+            is_relative=True,
         )

@@ -127,6 +127,7 @@ def posture_answer(found: PostureResult) -> Answer:
             (Step("Record a motion: inertia and friction show in none of these postures"),),
             (Step("Record more postures, spread over the whole range, each reached from both directions"),),
         ),
+        is_relative=True,
     )
 
 

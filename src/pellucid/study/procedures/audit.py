@@ -182,9 +182,14 @@ class Audit:
             self.headline,
             "" if self.is_sound else self.headline,
             parts,
-            basis=Basis(len(self.files) - len(self.unread), len(self.files), "file"),
+            basis=Basis(len(self.files) - len(self.unread), len(self.files), "file", is_simulated=self._is_simulated),
             next=self._steps(),
         )
+
+    @property
+    def _is_simulated(self) -> bool | None:
+        """Whether every file says that it is simulated; None where one does not say."""
+        return all(file.log is not None and file.log.is_simulated for file in self.files) or None
 
     def _steps(self) -> tuple[Step, ...]:
         """Return what to do next: make a study, or correct what is unsound."""

@@ -70,7 +70,10 @@ def first_channels(audit: Audit) -> Drawing:
         for channel in log.channels
         if channel.name in by_name and np.isfinite(channel.samples).any()
     ]
-    return _channels(sound[:FIRST_PANELS], "first_channels", "good")
+    # Settings of one row, and the clock, show nothing of the log.
+    longest = max((len(channel.samples) for *_, channel in sound), default=0)
+    shown = [each for each in sound if len(each[3].samples) == longest and each[3].name != each[2].time]
+    return _channels((shown or sound)[:FIRST_PANELS], "first_channels", "good")
 
 
 def _channels(drawn: list[tuple[ChannelVerdict, str, Log, LogChannel]], name_of_figure: str, role: str) -> Drawing:
@@ -102,7 +105,7 @@ def write_audit_page(found: Audit, folder: Path) -> Path:
     sections.append(_file_section(found))
     page = Page(
         title="Audit of a log",
-        kicker="pellucid audit",
+        kicker=f"Pellucid {found.command}",
         tiles=_tiles(found),
         sections=tuple(sections),
         footer=f"Written by pellucid {version('pellucid')}. Quantities of channels are guessed from names and units.",

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from ..._errors import listed_names
-from ..answer import Answer, AnswerVerdict, Basis, Step
-from .complete_answer import with_study
+from ..answer import Answer, AnswerVerdict, Step
+from .complete_answer import count_recordings, with_study
 from .procedure import typed_command
 from .registry import asked
 
@@ -33,8 +33,9 @@ def check_answer(study: Study, faults: Sequence[Fault]) -> Answer:
     warned = [fault for fault in faults if fault.severity == "warn"]
     recordings = study.recordings()
     excluded, files = set(procedure.unfit(study)), {fault.file for fault in refused}
-    used = sum(r.name not in excluded and r.path.name not in files for r in recordings)
-    count = len(recordings)
+    fit = [r.name for r in recordings if r.name not in excluded and r.path.name not in files]
+    basis = count_recordings(study, fit)
+    used, count = len(fit), len(recordings)
     verdict: AnswerVerdict = "no" if refused else "yes"
     if refused:
         faulty = "1 fault prevents" if len(refused) == 1 else f"{len(refused)} faults prevent"
@@ -42,12 +43,13 @@ def check_answer(study: Study, faults: Sequence[Fault]) -> Answer:
         said = reason = f"{faulty} their use: {causes}"
         step = CORRECT_RECORDINGS_STEP
     else:
-        whole = "The recording" if count == 1 else f"All {count} recordings" if used == count else f"{used} of {count}"
+        whole = f"All {basis.recorded} recordings" if basis.recorded > 1 else "The recording"
+        whole = whole if used == count else f"{used} of {count} {'parts' if basis.parts else 'recordings'}"
         places = _listed(map(_place, warned), MAX_NAMED_CHANNELS)
         said = f"{whole} can be used" + (f"; see the warnings on {places}" if warned else "")
         reason, step = "", Step("Use the recordings", command)
     question = f"Are these recordings fit to be used by {command}?"
-    return with_study(study, Answer(question, verdict, said, reason, basis=Basis(used, count), next=(step,)))
+    return with_study(study, Answer(question, verdict, said, reason, basis=basis, next=(step,)))
 
 
 def _place(fault: Fault) -> str:

@@ -12,6 +12,9 @@ from .procedure import typed_command
 from .registry import asked
 from .result import Result
 
+HELD_OUT_WORDS = ("held-out recording", "held-out data")
+"""Words of data that are all held-out recordings of a study; a domain names other ones, such as segments."""
+
 REPORT_STEP = Step("Draw the page", REPORT_COMMAND)
 """Step after every result: nothing was drawn yet."""
 
@@ -58,11 +61,32 @@ def _counted(study: Study, found: Result, basis: Basis | None, left_out: Collect
     # A piece of a recording is named after it.
     known = {name for whole in found.checksums for name in (whole, whole.rpartition(".")[0])}
     used = [r for r in recordings if r.name in known] or [r for r in recordings if r.name not in left_out]
-    if basis is not None:
-        return replace(basis, used=len(used) - (basis.recorded - basis.used), recorded=len(recordings))
+    counted = count_recordings(study, [recording.name for recording in used])
     held = sum(recording.use == "validate" for recording in used)
-    judged = "" if not held else "one held-out recording" if held == 1 else f"{held} held-out recordings"
-    return Basis(len(used), len(recordings), judged=judged)
+    if basis is None:
+        return replace(counted, held_out=held)
+    held = held if any(words in basis.judged for words in HELD_OUT_WORDS) else 0
+    refused = basis.recorded - basis.used
+    return replace(counted, used=counted.used - refused, judged=basis.judged, held_out=held)
+
+
+def count_recordings(study: Study, used: Collection[str]) -> Basis:
+    """Return how many of a study's recordings are used, by the names of those that are.
+
+    Recordings that are windows of one file are parts of one recording.
+    """
+    wholes: dict[tuple[object, ...], list[str]] = {}
+    windows = {entry.name for entry in study.config.recordings if entry.window is not None}
+    for recording in study.recordings():
+        columns = tuple(channel.column for channel in recording.channels.values())
+        own = () if recording.name in windows else (recording.name,)
+        wholes.setdefault((recording.path, columns, *own), []).append(recording.name)
+    parts = sum(map(len, wholes.values()))
+    return Basis(
+        sum(any(name in used for name in names) for names in wholes.values()),
+        len(wholes),
+        parts=parts if parts > len(wholes) else 0,
+    )
 
 
 def without_further(answer: Answer) -> Answer:
@@ -77,10 +101,11 @@ def _steps(study: Study, found: Result, answer: Answer, beside: Collection[str])
         advice = worst.do.rstrip(".") or "Correct the first finding below"
         return (Step(f"{advice}; then check the recordings", "check"),)
     steps = list(answer.next)
-    if any(each.is_scale for each in answer.assumed):
-        text = "Confirm the assumption: correct the line in study.toml, and remove its [[assumed]] table"
-        steps = [Step(f"{text}; then", "check")]
     further = [Step(FURTHER_TEXT, typed_command(each)) for each in _without_result(study, found, beside)[:1]]
+    scales = ", ".join(each.subject for each in answer.assumed if each.is_scale)
+    if scales:
+        text = f"Confirm the assumption ({scales}): correct the line in study.toml, and remove its [[assumed]] table"
+        return (Step(f"{text}; then", "check"), *further, REPORT_STEP)
     return (*further, REPORT_STEP, *steps) if answer.verdict == "yes" else (*steps, *further, REPORT_STEP)
 
 

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from importlib.metadata import version
 from pathlib import Path
 
 from ..._errors import PellucidError, UnfitRecordingError
-from ..answer import Answer, Basis
+from ...models.estimates import Verdict
+from ..answer import Answer
 from ..kept import hold_lock
-from ..pages.page import Page, write_page
-from ..pages.quantities import typeset_sentence
+from ..pages.page import write_page
 from ..results import replace_rows
 from ..study import Study
 from .check_answer import CORRECT_RECORDINGS_STEP
-from .complete_answer import with_study
+from .complete_answer import count_recordings, with_study
 from .procedure import typed_command
+from .study_page import study_page
 
 
 def write_refusal(study: Study, command: str, error: UnfitRecordingError) -> tuple[Answer, Path | None]:
@@ -29,14 +29,10 @@ def write_refusal(study: Study, command: str, error: UnfitRecordingError) -> tup
     more = f" (and {len(others)} further fault{'' if len(others) == 1 else 's'})" if others else ""
     reason = f"the recordings are not fit to be used: {first.rstrip('.')}{more}"
     question = f"What does {typed_command(command)} find in these recordings?"
-    basis = Basis(0, len(study.recordings()))
+    basis = count_recordings(study, ())
     answer = Answer(question, "cannot say", reason, reason, basis=basis, next=(CORRECT_RECORDINGS_STEP,))
     answer = with_study(study, answer)
-    page = Page(
-        study.name, typed_command(command), answer=answer,
-        verdicts=tuple(("wrong", typeset_sentence(text)) for text in others),
-        footer=f"Written by pellucid {version('pellucid')}.",
-    )  # fmt: skip
+    page = study_page(study.name, answer, (), (), [Verdict("wrong", text) for text in others])
     # The command ends with the reason in any case, also where nothing can be written.
     with suppress(OSError, PellucidError):
         with hold_lock(study.results_path):

@@ -13,7 +13,8 @@ from ....files.fault import Fault
 from ....files.recording import Recording
 from ....models.estimates import Verdict
 from ....models.parameter_card import ParameterCard
-from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts, needed_of_parts
+from ....study.pages.quantities import percent
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow
@@ -220,17 +221,21 @@ def transfer_answer(found: TransferResult) -> Answer:
     if outside:
         said = (
             f"On held-out data, the fit is {least:g} % or more for {good} of {len(outside)} recordings "
-            f"({min(outside):.1f} to {max(outside):.1f} %); each transfer function {where}"
+            f"({min(outside):.1f} to {max(outside):.1f} %){needed_of_parts(parts)}; each transfer function {where}"
         )
     count = len(found.checksums)
+    judged = "held-out data" if outside else ""
+    if outside and set(found.heldout) <= set(found.single):
+        judged = f"held-out data: the last {percent(100.0 * TRANSFER_THRESHOLDS.held_out_share)} % of each recording"
     return answer_of_parts(
         f"Do the transfer functions predict held-out data with a fit of {least:g} % or more?",
         f"{said}.",
         parts,
         [AnswerNumber(f"fit of {name} on held-out data", r.fit, "%") for name, r in found.heldout.items()],
-        Basis(count - len(found.refused), count, judged="held-out data" if outside else ""),
+        Basis(count - len(found.refused), count, judged=judged),
         improve=_improving(found, [part.name for part in parts if part.verdict == "no"]),
         without_parts="no data could be held out",
+        is_relative=True,
     )
 
 
