@@ -76,10 +76,9 @@ class TriedLog:
     def answer(self) -> Answer:
         """The result's answer; its next steps confirm a scale or correct a cause, and make a study of these files."""
         steps = [Step("Make a study of these files", line=self.next_command)]
-        if self.result.answer.verdict != "yes":
-            improve = [step for step in self.result.answer.next if step.name != REPORT_COMMAND]
-            steps = [*improve, *steps]
         taken = [a for a in self.assumptions if a.is_scale]
+        if self.result.answer.verdict != "yes" and not taken:
+            steps = [*(step for step in self.result.answer.next if step.name != REPORT_COMMAND), *steps]
         if taken:
             shown = (a.taken if a.taken not in NO_ANSWERS else "..." for a in taken)
             answers = " ".join(f'--answer "{a.subject}={value}"' for a, value in zip(taken, shown, strict=True))
