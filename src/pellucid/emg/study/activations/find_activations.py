@@ -163,14 +163,14 @@ def activations_answer(result: ActivationsResult) -> Answer:
         text = f"R² {r2:.2f} (median)"
         parts.append(AnswerPart(joint, "yes" if r2 >= MIN_EXPLAINED_PERCENT / 100.0 else "no", text))
         numbers.append(AnswerNumber(f"median R2 of a removed electrode, {joint}", r2, "1"))
-    count = len(result.checksums)
+    count, judged = len(result.checksums), {each.recording for each in result.recordings}
     return answer_of_parts(
         "Is the activation of a muscle whose electrode was removed predicted, with R² of "
         f"{MIN_EXPLAINED_PERCENT / 100.0:g} or more?",
         result.headline,
         parts,
         numbers,
-        Basis(count, count, judged="recordings that were not fitted"),
+        Basis(count, count, judged=f"{len(judged)} recordings that were not fitted"),
         improve=(
             Step("Keep the electrode of every muscle: without it, the others and the torque do not tell its activation")
             if parts
