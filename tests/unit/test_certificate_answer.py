@@ -126,6 +126,19 @@ def test_the_page_for_a_reviewer_names_a_paper_only_after_yes():
     assert [step.text for step in following] == ["Change it"]
 
 
+def test_people_far_beyond_are_named_where_they_alone_lie_beyond():
+    """The mean's interval reached into the margin, and nothing said why it would be beyond."""
+    each = certified(8, None, "beyond")
+    own = each.certificate
+    own.alpha, own.far_note = 0.05, lambda name: " (4 of 8 people by more than 3 margins)"
+    own.contradicted, own.lacks_people = lambda name: (), lambda name: False
+    own.end_points["duration"].p_beyond = 0.11
+    said = _why_undecided(each, {"duration": "Duration"}, ["Duration"])
+    assert said.startswith("Tested alone, Duration (4 of 8 people by more than 3 margins) would be beyond the margin.")
+    own.end_points["duration"].p_beyond = 0.01
+    assert "3 margins" not in _why_undecided(each, {"duration": "Duration"}, ["Duration"])
+
+
 def test_a_doubted_end_point_is_said_to_lie_where_its_test_found_it():
     """A duration of +27.6 % (-5.0 to +71.3 %) was said to lie within 10 %."""
     each = certified(6, None, "beyond")

@@ -233,7 +233,9 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
     if doubted and len(doubted) == len(undecided):
         return _doubts_text(doubted, each)
     tests = own.end_points
-    alone = [words[n] for n in tests if tests[n].verdict == BEYOND_MARGIN]
+    # Where the mean alone is not beyond the margin, people far beyond it are the reason.
+    alone = [words[n] + (own.far_note(n) if tests[n].p_beyond > own.alpha else "")
+             for n in tests if tests[n].verdict == BEYOND_MARGIN]  # fmt: skip
     if alone:
         return (
             f"Tested alone, {', '.join(alone)} would be beyond the margin. As the largest of {len(words)} changes in "
