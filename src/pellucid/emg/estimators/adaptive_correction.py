@@ -57,6 +57,10 @@ class CorrectionSettings:
 
 ERROR_MEMORY = CorrectionSettings()
 
+BATCH_COUNT = 256
+"""Number of blocks that share one kernel of all samples that they remember."""
+
+
 @dataclass(frozen=True, eq=False)
 class AdaptiveCorrection:
     """Settings of the correction: scaling of the features, kernel and memory."""
@@ -78,17 +82,21 @@ class AdaptiveCorrection:
         error = np.asarray(reference, float) - np.asarray(predicted, float)
         every, kept = max(1, round(self.spacing * fs)), max(2, round(self.window / self.spacing))
         corrected = np.array(predicted, float)
-        for block in range(every, len(z), every):
-            # The remembered samples end one sample before the block that they correct.
-            known = np.arange(block - 1, -1, -every)[:kept]
-            weights = self._solve_weights(z[known], error[known])
-            here = slice(block, block + every)
-            corrected[here] += _kernel(z[here], z[known], self.length) @ weights
+        # The remembered samples end one sample before the block that they correct. The next block remembers nearly the
+        # same ones, so that the kernel is computed once for many blocks.
+        last = np.arange(every - 1, len(z) - 1, every)
+        for begin in range(0, len(last), BATCH_COUNT):
+            known = last[max(0, begin + 1 - kept) : begin + BATCH_COUNT][::-1]
+            gram = _kernel(z[known], z[known], self.length) + self.noise * np.eye(len(known))
+            for i, newest in enumerate(known):
+                if newest < last[begin]:
+                    break
+                own = slice(i, i + kept)
+                factor = cho_factor(gram[own, own], lower=True, check_finite=False)
+                weights = cho_solve(factor, error[known[own]], check_finite=False)
+                here = slice(newest + 1, newest + 1 + every)
+                corrected[here] += _kernel(z[here], z[known[own]], self.length) @ weights
         return corrected
-
-    def _solve_weights(self, z: np.ndarray, error: np.ndarray) -> np.ndarray:
-        gram = _kernel(z, z, self.length) + self.noise * np.eye(len(z))
-        return cho_solve(cho_factor(gram, lower=True, check_finite=False), error, check_finite=False)
 
 
 def fit_adaptive_correction(parts: Sequence[tuple[np.ndarray, np.ndarray]], *, most: int = 400) -> AdaptiveCorrection:
