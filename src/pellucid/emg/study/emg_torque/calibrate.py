@@ -47,7 +47,7 @@ from . import torque_findings as findings
 from .emg_torque_table import EmgTorqueTable
 from .estimator_cards import estimator_cards, torque_card
 from .relative_envelopes import find_scales, normalisation_words, scale_rows, scale_verdicts
-from .sessions import compare_sessions, invalidity_words, session_tables, session_verdicts
+from .sessions import LIVE_ESTIMATORS, compare_sessions, invalidity_words, session_tables, session_verdicts
 from .study_muscles import ignored_channel_verdicts
 from .together import TogetherFigureData
 from .torque_findings import (
@@ -192,9 +192,6 @@ WORTH_VERDICTS: dict[str, AnswerVerdict] = {"worth it": "yes", "not worth it": "
 
 CARD_ESTIMATOR = "ridge"
 """Estimator whose causal map becomes a card. It is a sum of products, which a robot can compute."""
-
-LIVE_ESTIMATORS = tuple(name for name, family in ESTIMATOR_FAMILIES.items() if family.runs_live)
-"""Estimators whose causal maps become cards that a session or a robot runs sample by sample."""
 
 TOGETHER_COST = 0.3
 """Cost of fitting the muscles of all joints together, relative to that of every estimator of each joint."""
@@ -409,7 +406,18 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
     again = rescale is not None
     trials = {joint: moment_trials(study, joint) for joint in joints}
     parts = {joint: _split_trials(study, joint, trials[joint]) for joint in joints}
-    session, compared = compare_sessions(study, *parts[joints[0]])
+    runs = [
+        (joint, name, causal)
+        for causal, names in ((False, REPORTED_ESTIMATORS), (True, CAUSAL_ESTIMATORS))
+        for joint in joints
+        for name in findings.find_applicable_estimators(trials[joint], joint, found, names)
+    ]
+    # Watches of the maps that run live say which channels changed, before any estimator is scored.
+    watching = [run for run in runs if run[2] and run[1] in LIVE_ESTIMATORS]
+    scored = [run for run in runs if run not in watching]
+    fits = _fit_runs(watching, [MapJob(parts[joint][0], name, True) for joint, name, _ in watching], tell, 0, len(runs))
+    maps = {(joint, name): fit for (joint, name, _), (fit, _) in fits.items()}
+    session, compared = compare_sessions(study, *parts[joints[0]], maps)
     found.sessions.update(compared)
     for joint, (fitted, held) in parts.items():
         judged = [session.repair(t, rescale, c) if again and (c := compared[t.recording]).changed else t for t in held]
@@ -421,18 +429,13 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
         joint: tuple(zip(parts[joint][1], (t for t in own if t.heldout), strict=True))
         for joint, own in found.across.items()
     }
-    runs = [
-        (joint, name, causal)
-        for causal, names in ((False, REPORTED_ESTIMATORS), (True, CAUSAL_ESTIMATORS))
-        for joint in joints
-        for name in findings.find_applicable_estimators(trials[joint], joint, found, names)
-    ]
-    fits = fit_torque_maps(
-        [MapJob(parts[joint][0], name, causal, _Examination(judged[joint], causal)) for joint, name, causal in runs],
-        lambda i, share: tell(f"{runs[i][0]}, {ESTIMATOR_FAMILIES[runs[i][1]].description}", share),
-    )
+    examine = {run: _Examination(judged[run[0]], run[2]) for run in runs}
+    fits = {run: (fit, examine[run](fit, parts[run[0]][0])) for run, (fit, _) in fits.items()}
+    jobs = [MapJob(parts[joint][0], name, causal, examine[joint, name, causal]) for joint, name, causal in scored]
+    fits |= _fit_runs(scored, jobs, tell, len(watching), len(runs))
     traces: dict[tuple[str, str], TorqueTrace] = {}
-    for (joint, name, causal), (fit, (away, predicted)) in zip(runs, fits, strict=True):
+    for joint, name, causal in runs:
+        fit, (away, predicted) = fits[joint, name, causal]
         fitted, held = parts[joint]
         if causal and name in LIVE_ESTIMATORS:
             found.causal[joint, name], found.stiffness_trials[joint] = fit, fitted[0]
@@ -480,6 +483,23 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
     # All joints have the same recordings.
     found.trials.extend(trials[joints[0]])
     return found
+
+
+_Run = tuple[str, str, bool]
+"""Joint, name of the estimator, and whether it is causal."""
+
+
+def _fit_runs(
+    runs: Sequence[_Run], jobs: Sequence[MapJob], tell: Progress, done: int, count: int
+) -> dict[_Run, tuple[Any, Any]]:
+    """Return the fitted map and the examination of each run, after `done` of `count` runs."""
+    made = fit_torque_maps(
+        jobs,
+        lambda i, share: tell(
+            f"{runs[i][0]}, {ESTIMATOR_FAMILIES[runs[i][1]].description}", (done + share * len(runs)) / count
+        ),
+    )
+    return dict(zip(runs, made, strict=True))
 
 
 def _together(parts: Iterable[np.ndarray]) -> np.ndarray:

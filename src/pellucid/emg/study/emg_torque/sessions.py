@@ -1,16 +1,18 @@
 """Compare test recordings with the fitted ones: changed channels, and whether estimates are valid at all.
 
-Run the watch of a calibrated estimator over recordings that were not fitted, as a robot would run it.
+Run the watch of every estimator that can run live over recordings that were not fitted, as a robot would run it.
 
 `emg_session` compares floors, ranges and patterns. A change of gain by 2 lies within what those vary by, yet may cost
-half of the explained torque. The watch that `add_channel_watch` makes asks what a change costs in torque; here it reads
-a recording from beginning to end, with the thresholds that a running estimator and exported C use.
+half of the explained torque. The watch that `add_channel_watch` makes asks what a change costs an estimator in torque;
+here it reads a recording from beginning to end, with the thresholds that a running estimator and exported C use. What a
+change costs differs between estimators: muscles may depend on a channel that a regression ignores.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -21,55 +23,87 @@ from ....models.estimates import Verdict
 from ....study.procedures.result import FigureTable
 from ....study.study import Study
 from ...estimators.emg_session import ChannelChange, ChannelComparison, FittedSession, add_channel_watch
+from ...estimators.families import ESTIMATOR_FAMILIES
+from ...estimators.hill import HillMap
 from ...estimators.live_torque import LiveTorque
 from ...estimators.raw_session import RAW_LIMITS, RawChannels
 from ...estimators.torque_map import fit_torque_map
 from ...estimators.torque_trial import TorqueTrial, join_pieces
-from ...models.emg_estimator import EmgEstimatorCard
+from ...models.emg_estimator import WATCH_DEFAULTS, EmgEstimatorCard
+from ...models.muscle import CalibratedMuscles
 from ...signals.emg_quality import channel_fault
 from .emg_torque_table import EmgTorqueTable
-from .estimator_cards import map_estimator
+from .estimator_cards import map_estimator, muscle_estimator
 from .relative_envelopes import find_window
 from .study_muscles import find_used_muscles
 from .trial_sources import moment_trials
 
-WATCHING_ESTIMATOR = "ridge"
-"""Estimator whose watch reads the recordings. It is fitted within a second and needs no anatomy."""
+LIVE_ESTIMATORS = tuple(name for name, family in ESTIMATOR_FAMILIES.items() if family.runs_live)
+"""Estimators whose causal maps a session or a robot runs sample by sample. Their watches read the recordings."""
+
+LiveMaps = Mapping[tuple[str, str], Any]
+"""Causal maps by joint and estimator, fitted to the fitted trials alone."""
 
 CONSEQUENCE_KIND = "consequence"
 """Kind of a change that is described by its effect on the torque."""
 
 
-def find_watched_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
+def find_watched_changes(study: Study, maps: LiveMaps | None = None) -> dict[str, tuple[ChannelChange, ...]]:
     """Return, by test recording, the channels that the watch of an estimator names at any joint.
 
-    An estimator is fitted for each joint, to the fitted trials alone. Torques in other units than N m have no watch.
-    `study` [emg_torque].
+    Torques in other units than N m have no watch. `maps` are fitted if they are not given. `study` [emg_torque].
     """
     found: dict[str, dict[str, ChannelChange]] = {}
     for joint in study.table(EmgTorqueTable).joints:
         trials = moment_trials(study, joint)
         fitted, held = [t for t in trials if not t.heldout], [t for t in trials if t.heldout]
-        card = _watched_card(study, joint, fitted) if fitted and fitted[0].unit == "N*m" else None
-        if card is None or card.watch is None:
+        if not fitted or fitted[0].unit != "N*m":
             continue
+        own = fit_live_maps({joint: fitted}) if maps is None else maps
+        cards = [
+            watched_card(study, name, own[joint, name], fitted) for name in LIVE_ESTIMATORS if (joint, name) in own
+        ]
         for trial in join_pieces(held):
-            for change in _find_changes(card, trial):
-                found.setdefault(trial.name, {}).setdefault(change.muscle, change)
+            for card in cards:
+                for change in _find_changes(card, trial):
+                    found.setdefault(trial.name, {}).setdefault(change.muscle, change)
     return {name: tuple(changes.values()) for name, changes in found.items()}
 
 
-def _watched_card(study: Study, joint: str, fitted: Sequence[TorqueTrial]) -> EmgEstimatorCard:
+def fit_live_maps(fitted: Mapping[str, Sequence[TorqueTrial]]) -> LiveMaps:
+    """Return the causal maps of the fitted trials of each joint; none of an estimator that cannot be fitted to them."""
+    maps = {}
+    for joint, trials in fitted.items():
+        for name in LIVE_ESTIMATORS:
+            try:
+                maps[joint, name] = fit_torque_map(list(trials), name, causal=True)
+            except PellucidError:  # No geometry of these muscles, or trials unfit for them: `calibrate` says so
+                continue
+    return maps
+
+
+def watched_card(study: Study, name: str, estimator: Any, fitted: Sequence[TorqueTrial]) -> EmgEstimatorCard:
     """Return the card, with its watch, of an estimator fitted to some trials of a joint."""
-    estimator = fit_torque_map(list(fitted), WATCHING_ESTIMATOR, causal=True)
-    card = map_estimator(study, WATCHING_ESTIMATOR, estimator, fitted)
+    joint = fitted[0].joint
+    if isinstance(estimator, HillMap):
+        tissue = {joint: estimator.fit.passive}
+        muscles = CalibratedMuscles(estimator.fit.muscles, estimator.driven, tissue, estimator.effort)
+        card = muscle_estimator(study, name, muscles, {joint: fitted})
+    else:
+        card = map_estimator(study, name, estimator, fitted)
     # Trials hold envelopes that are made and scaled already.
     card = replace(card, chain="none", channels=tuple(replace(channel, scale=1.0) for channel in card.channels))
     return add_channel_watch(card, {joint: fitted})
 
 
 def _find_changes(card: EmgEstimatorCard, trial: TorqueTrial) -> tuple[ChannelChange, ...]:
-    """Return the channels of a trial that the card's watch names, from when on, and the R² that each may cost there."""
+    """Return the channels of a trial that the card's watch names, from when on, and the R² that each may cost there.
+
+    A running estimator names a channel early, at a share of the loss that it guards against. In a whole recording, only
+    channels that reach this loss count.
+    """
+    if card.watch is None:
+        return ()
     live = LiveTorque(card)
     largest: dict[str, float] = {}
     first: dict[str, float] = {}
@@ -92,6 +126,7 @@ def _find_changes(card: EmgEstimatorCard, trial: TorqueTrial) -> tuple[ChannelCh
             "the same relation as in the fitted recordings",
         )
         for muscle, loss in largest.items()
+        if loss >= WATCH_DEFAULTS.max_loss
     )
 
 
@@ -125,16 +160,17 @@ ADVICE_BY_CHANGE = {
 
 
 def compare_sessions(
-    study: Study, fitted: Sequence[TorqueTrial], held: Sequence[TorqueTrial]
+    study: Study, fitted: Sequence[TorqueTrial], held: Sequence[TorqueTrial], maps: LiveMaps | None = None
 ) -> tuple[FittedSession, dict[str, ChannelComparison]]:
     """Return the channels of the fitted trials, and the comparison of each held-out trial with them.
 
-    It includes raw EMG, and channels that the watch of an estimator names by what they cost in torque.
+    It includes raw EMG, and channels that the watch of an estimator names by what they cost in torque. `maps` are
+    fitted if they are not given.
 
     `study` [emg_torque].
     """
     session, raw = FittedSession.from_trials(join_pieces(fitted)), find_raw_changes(study)
-    watched = find_watched_changes(study)
+    watched = find_watched_changes(study, maps)
     found: dict[str, ChannelComparison] = {}
     for trial in join_pieces(held):
         compared = session.compare(trial)
