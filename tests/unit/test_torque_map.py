@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_muscles import trial as muscle_trial
 
 from pellucid._errors import IdentificationError, RecordingError
-from pellucid.emg.estimators import torque_map
+from pellucid.emg.estimators import adaptive_correction, torque_map
 from pellucid.emg.estimators.cross_validation import block_folds, grouped_folds, score
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.families.family import Family
@@ -283,3 +284,16 @@ def test_bodies_that_hang_at_angles_of_their_own():
     q = np.full(100, 0.7)
     found = human_torque(q, np.full(100, 2.5), shank + orthosis, lowpass=6.0, fs=500.0)
     assert found == pytest.approx(8.0 * np.sin(0.6) + 4.0 * np.sin(0.9) - 2.0, abs=1e-9)
+
+
+def test_an_estimator_that_corrects_another_takes_over_its_fit(monkeypatch):
+    trials, calls = [muscle_trial(seconds=2.0)], []
+    alone = fit_torque_map(trials, "nmcoa")
+    fit_hill = adaptive_correction.fit_hill
+    monkeypatch.setattr(adaptive_correction, "fit_hill", lambda *a, **k: calls.append(k["name"]) or fit_hill(*a, **k))
+    jobs = [MapJob(trials, "nmcoa"), MapJob(trials, "nmco"), MapJob(trials, "nmcoa")]
+    (first, _), (base, _), (corrected, _) = fit_torque_maps(jobs)
+    assert sorted(calls) == ["nmco", "nmcoa"]
+    assert corrected.base is base
+    for each in (first, corrected):
+        assert np.array_equal(each.predict(trials[0]), alone.predict(trials[0]))

@@ -188,7 +188,11 @@ def fit_nmco(trials: Sequence[TorqueTrial], name: str, causal: bool) -> HillMap:
 
 def fit_nmcoa(trials: Sequence[TorqueTrial], name: str, causal: bool) -> CorrectedMap:
     """Fit NM-COA to `trials`, under `name`; `causal` filters use the past alone."""
-    base = fit_nmco(trials, name, causal)
+    return correct_nmco(fit_nmco(trials, name, causal), trials, name, causal)
+
+
+def correct_nmco(base: HillMap, trials: Sequence[TorqueTrial], name: str, causal: bool) -> CorrectedMap:
+    """Fit NM-COA, under `name`, on NM-CO that was fitted to the same `trials`."""
     parts = [(compute_features(t, CORRECTION_FEATURES, causal=causal).x, t.torque - base.predict(t)) for t in trials]
     return CorrectedMap(name, base, fit_adaptive_correction(parts), causal)
 

@@ -108,14 +108,29 @@ def fit_torque_maps(
     Large jobs are divided among `workers` processes. `begun` is called with the index of a job that begins and the
     share of all jobs that is done.
     """
-    order = sorted(range(len(jobs)), key=lambda i: _job_order_key(jobs[i].name))
+    groups = sorted(_group_jobs(jobs), key=lambda group: _job_order_key(jobs[group[0]].name))
     size = sum(min(sum(len(trial) for trial in job.trials), MAP_FITTING.max_choice_samples) for job in jobs)
     made = results_with_helpers(
-        [(_run_job, jobs[i]) for i in order],
+        [(_run_jobs, [jobs[i] for i in group]) for group in groups],
         1 if size < MAP_FITTING.min_parallel_samples else workers,
-        lambda i, share: begun(order[i], share),
+        lambda i, share: begun(groups[i][0], share),
     )
-    return [each for _, each in sorted(zip(order, made, strict=True), key=lambda pair: pair[0])]
+    found = {i: each for group, own in zip(groups, made, strict=True) for i, each in zip(group, own, strict=True)}
+    return [found[i] for i in range(len(jobs))]
+
+
+def _group_jobs(jobs: Sequence[MapJob]) -> list[list[int]]:
+    """Return the indices of jobs that run one after another: an estimator, and those that correct its fit."""
+    groups: dict[int, list[int]] = {}
+    for i, job in enumerate(jobs):
+        corrected = find_family(job.name)[1].corrects
+        alike = (
+            k for k in groups
+            if corrected and find_family(jobs[k].name)[0] == corrected
+            and jobs[k].trials is job.trials and jobs[k].causal == job.causal
+        )  # fmt: skip
+        groups.setdefault(next(alike, i), []).append(i)
+    return list(groups.values())
 
 
 def _job_order_key(name: str) -> tuple[bool, int]:
@@ -124,10 +139,17 @@ def _job_order_key(name: str) -> tuple[bool, int]:
     return family.fit_trials is None, list(ESTIMATOR_FAMILIES).index(own)
 
 
-def _run_job(job: MapJob) -> tuple[TorqueMap, Any]:
-    """Fit the map of a job and examine it."""
-    made = fit_torque_map(job.trials, job.name, causal=job.causal)
-    return made, None if job.examine is None else job.examine(made, job.trials)
+def _run_jobs(jobs: Sequence[MapJob]) -> list[tuple[TorqueMap, Any]]:
+    """Fit the map of each job and examine it. The jobs after the first one correct its fit."""
+    made: list[tuple[TorqueMap, Any]] = []
+    for job in jobs:
+        name, family = find_family(job.name)
+        if made and family.correct_fit is not None:
+            fit = family.correct_fit(made[0][0], job.trials, name, job.causal)
+        else:
+            fit = fit_torque_map(job.trials, job.name, causal=job.causal)
+        made.append((fit, None if job.examine is None else job.examine(fit, job.trials)))
+    return made
 
 
 @dataclass(frozen=True, eq=False)

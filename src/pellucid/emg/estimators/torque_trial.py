@@ -170,7 +170,9 @@ class MuscleSource:
             for name in geometry.angles
         }
         v = {name: signs[name] * rates[name] if name in rates else np.zeros(count) for name in geometry.angles}
-        return geometry.length(q), geometry.rate(q, v), signs.get(joint, 1.0) * geometry.moment_arm(joint, q)
+        arms = {name: geometry.moment_arm(name, q) for name in geometry.angles}
+        rate = -sum(arms[name] * v[name] for name in geometry.angles)
+        return geometry.length(q), rate, signs.get(joint, 1.0) * arms.get(joint, np.zeros(count))
 
 
 @dataclass(frozen=True, eq=False)

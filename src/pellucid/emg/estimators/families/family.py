@@ -60,6 +60,10 @@ class Family:
     shared_setting: str | None = None
     # Function that fits trials itself, for estimators not made of features: from trials, name and causality to a map
     fit_trials: Callable[[Any, str, bool], Any] | None = None
+    # Name of the estimator that it corrects, and the function that makes it of this estimator's fit: from the fit,
+    # trials, name and causality to a map. Both are then fitted once
+    corrects: str = ""
+    correct_fit: Callable[[Any, Any, str, bool], Any] | None = None
     aliases: tuple[str, ...] = ()  # Further names
     rank: int = 100  # Place in tables, the lowest first
     # Whether anatomy holds its form; it is then recommended for recordings unlike all fitted ones

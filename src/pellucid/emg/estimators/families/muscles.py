@@ -26,6 +26,13 @@ def _make_reconstruction_fit(fit: str) -> Callable[[Any, str, bool], Any]:
     return whole
 
 
+def _correct_nmco(base: Any, trials: Any, name: str, causal: bool) -> Any:
+    """Fit NM-COA on a fit of NM-CO."""
+    from ..adaptive_correction import correct_nmco
+
+    return correct_nmco(base, trials, name, causal)
+
+
 FAMILIES = {
     "hill": Family(
         "muscles of Hill's type",
@@ -48,6 +55,8 @@ FAMILIES = {
             sees_measured_torque=sees_torque,
             reconstruction=True,
             short=short,
+            corrects="nmco" if name == "nmcoa" else "",
+            correct_fit=_correct_nmco if name == "nmcoa" else None,
         )
         for rank, name, short, sees_torque, words in (
             (60, "nmco", "NM-CO", False, "NM-CO, muscles by swarm and conjugate gradients"),
