@@ -2,15 +2,19 @@
 
 Every case names its data set, the trials that are fitted, the trials that are held out, and the joint. Trials are made
 as `calibrate` makes them. Nothing of the held-out trials reaches a fit or a choice.
+
+``python -m research.evidence._emg_cases`` ranks the methods on all cases and writes the ranking that ``pellucid
+reproduce hill`` shows.
 """
 
 from __future__ import annotations
 
+import json
 import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +24,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from pellucid import PellucidError
+from pellucid._atomic import write_text_atomically
 from pellucid.emg.estimators.condition_choice import (
     find_extrapolator,
     is_candidate,
@@ -30,7 +35,7 @@ from pellucid.emg.estimators.condition_choice import (
 from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.emg_session import FittedSession
 from pellucid.emg.estimators.emg_worth import EmgWorth, worth_on_recording
-from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES, STACKED
+from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES, STACKED, named_family
 from pellucid.emg.estimators.torque_map import fit_torque_map
 from pellucid.emg.estimators.torque_trial import MOTION_LOWPASS_HZ, FeatureSet, TorqueTrial, compute_features
 from pellucid.emg.signals.emg_chain import emg_chain
@@ -44,6 +49,7 @@ from pellucid.study.datasets.registry import path as data_set
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow
 from pellucid.study.study import STUDY_FILE, Study
+from pellucid_lab.papers import hill
 from research.benchmarks._size import is_smallest
 from research.benchmarks._walking import DATASET as WALKING
 
@@ -96,11 +102,17 @@ class Outcome:
     named: str  # Recommended estimator
     errors: np.ndarray  # Its errors on the held-out trials, shape (n,)
     rivals: dict[str, np.ndarray]  # Errors of every candidate and of the plain regressions, shape (n,) each
+    published: dict[str, np.ndarray]  # Errors of reconstructions of published methods, shape (n,) each
     worth: tuple[tuple[EmgWorth, float], ...]  # What EMG is worth, with R² beyond the better plain ridge, by trial
 
 
 PLAIN_PENALTIES = tuple(np.geomspace(0.01, 1000.0, 6))
 """Candidate penalties of the plain ridge regression."""
+
+PUBLISHED_METHODS = tuple(
+    name for name, family in ESTIMATOR_FAMILIES.items() if family.reconstruction and not family.sees_measured_torque
+)
+"""Reconstructions of published methods, which are ranked and never recommended."""
 
 PLAIN_RIDGES = {"plain ridge on angles": False, "plain ridge on angles and rates": True}
 """Plain quadratic ridge regressions of scikit-learn, and whether they see the angles' rates."""
@@ -119,12 +131,13 @@ def plain_ridge(fold: Fold, velocities: bool) -> dict[str, np.ndarray]:
 def evaluate(fold: Fold) -> Outcome:
     """Fit every candidate, name an estimator by the fitted trials alone, and compare it with all on the held-out."""
     tests, predicted = {}, {t.name: {} for t in fold.held}
-    for name in filter(is_candidate, ESTIMATOR_FAMILIES):
+    for name in (*filter(is_candidate, ESTIMATOR_FAMILIES), *PUBLISHED_METHODS):
         try:
             fit = fit_torque_map(list(fold.fitted), name)
         except PellucidError:  # No geometry of these muscles
             continue
-        tests[name] = run_condition_tests(fit, fold.fitted)
+        if is_candidate(name):
+            tests[name] = run_condition_tests(fit, fold.fitted)
         for t in fold.held:
             predicted[t.name][name] = fit.predict(t)
     chosen, beyond = recommend(tests), find_extrapolator(tests)
@@ -143,12 +156,17 @@ def evaluate(fold: Fold) -> Outcome:
             gained = worth_on_recording(t.torque, made, bare.predict(own), t.fs, other_choices=others)
             best = max(score(t.torque, each[t.name]).r2 for each in plain.values())
             worth.append((gained, score(t.torque, made).r2 - best))
-    rivals = {name: np.concatenate([predicted[t.name][name] - t.torque for t in fold.held]) for name in tests}
+    missed = {
+        name: np.concatenate([predicted[t.name][name] - t.torque for t in fold.held])
+        for name in predicted[fold.held[0].name]
+    }
+    rivals = {name: missed[name] for name in tests}
     rivals |= {name: np.concatenate([each[t.name] - t.torque for t in fold.held]) for name, each in plain.items()}
     words = ", ".join(dict.fromkeys(names))
     if STACKED in names:
         words += f" ({', '.join(f'{w:.2f} {n}' for n, w in chosen.weights.items())})"
-    return Outcome(words, np.concatenate(errors), rivals, tuple(worth))
+    published = {name: missed[name] for name in PUBLISHED_METHODS if name in missed}
+    return Outcome(words, np.concatenate(errors), rivals, published, tuple(worth))
 
 
 def row(name: str, value: float | None, unit: str, note: str, split: str = "heldout") -> ResultRow:
@@ -156,19 +174,22 @@ def row(name: str, value: float | None, unit: str, note: str, split: str = "held
     return ResultRow(f"emg.{name}", None if value is None else float(value), unit, "evidence", split, None, note)
 
 
-def case_rows() -> Iterator[ResultRow]:
-    """Yield the error of the named estimator over that of the best, by case, and what EMG is said to be worth."""
-    ratios, worth, compared = {}, [], {}
+def case_rows(ranking: Path | None = None) -> Iterator[ResultRow]:
+    """Yield the error of the named estimator over that of the best, by case, and what EMG is said to be worth.
+
+    The ranking of all methods is also written to the file `ranking` if it is given.
+    """
+    ratios, worth, errors = {}, [], {}
     with tempfile.TemporaryDirectory() as folder:
         for case in emg_cases(Path(folder)):
             found = [evaluate(fold) for fold in case.folds]
-            common = [n for n in found[0].rivals if all(n in each.rivals for each in found)]
-            rmse = {n: root_mean_square([each.rivals[n] for each in found]) for n in common}
+            rmse, published = (
+                common_errors([getattr(each, kind) for each in found]) for kind in ("rivals", "published")
+            )
             best = min(rmse, key=rmse.get)
             named = root_mean_square([each.errors for each in found])
             ratios[case.name] = named / rmse[best]
-            for name, value in {"named": named, **rmse}.items():
-                compared.setdefault(name, []).append(float(np.log(value / rmse[best])))
+            errors[case.name] = {NAMED: named, **rmse, **published}
             plain = min(rmse[name] for name in PLAIN_RIDGES)
             words = (
                 f"{'; '.join(dict.fromkeys(each.named for each in found))}: {named:.3g}; best {best}: "
@@ -177,7 +198,10 @@ def case_rows() -> Iterator[ResultRow]:
             )
             yield row(f"choice.case.{case.name}", ratios[case.name], "1", words)
             worth += [pair for each in found for pair in each.worth]
-    yield from ranking_rows(compared)
+    ranked = rank_methods(errors)
+    yield from ranking_rows(ranked)
+    if ranking is not None:
+        write_ranking(ranked, ranking)
     said = "cases: named estimator over the best of all candidates and of scikit-learn's quadratic ridge on angles"
     yield row("choice.cases", len(ratios), "1", said)
     within = sum(ratio <= 1.0 + MAX_EXCESS for ratio in ratios.values())
@@ -195,22 +219,84 @@ def case_rows() -> Iterator[ResultRow]:
     )  # fmt: skip
 
 
-def ranking_rows(compared: Mapping[str, Sequence[float]]) -> Iterator[ResultRow]:
-    """Yield every method's error over the best one's on real people, the geometric mean over cases, best first.
+NAMED = "named"
+"""Name of what `calibrate` recommends, in the ranking."""
 
-    `compared` holds the logarithm of this ratio in each case. Intervals are Student's, over cases.
-    """
-    for name, logs in sorted(compared.items(), key=lambda pair: np.mean(pair[1])):
-        mean, count = float(np.mean(logs)), len(logs)
-        interval = ""
-        if count > 1:
-            half = float(student.ppf(0.975, count - 1) * np.std(logs, ddof=1) / np.sqrt(count))
-            interval = f"95 % interval {np.exp(mean - half):.2f} to {np.exp(mean + half):.2f}; "
-        words = (
-            f"{interval}error over that of the best method "
-            f"of each case, geometric mean over {count} cases of real people who walk, run, lift, extend or hold"
+RANKING_FILE = Path(hill.__file__).with_name("real_people.json")
+"""File with the ranking that ``pellucid reproduce hill`` shows."""
+
+
+@dataclass(frozen=True)
+class RankedError:
+    """A method's error over that of the best one of each case: geometric mean, with Student's interval over cases."""
+
+    ratio: float
+    low: float  # Ends of the 95 % interval
+    high: float
+    cases: int
+
+
+@dataclass(frozen=True)
+class RankedMethod:
+    """A method's error on real people."""
+
+    name: str
+    words: str
+    common: RankedError  # In the cases in which every method can be fitted
+    every: RankedError | None  # In all cases; None for a method that cannot be fitted in some of them
+
+
+def rank_methods(errors: Mapping[str, Mapping[str, float]]) -> list[RankedMethod]:
+    """Return the methods that fit most cases in common, the best first, from errors by case and method."""
+    names = list(dict.fromkeys(name for own in errors.values() for name in own))
+    common = [own for own in errors.values() if all(name in own for name in names)]
+
+    def words(name: str) -> str:
+        if name == NAMED:
+            return "recommended estimator of pellucid calibrate"
+        return f"{name}, scikit-learn" if name in PLAIN_RIDGES else named_family(name).description
+
+    ranked = [
+        RankedMethod(
+            name.replace(" ", "_"), words(name), _rank(name, common),
+            _rank(name, list(errors.values())) if all(name in own for own in errors.values()) else None,
         )
-        yield row(f"ranking.{name.replace(' ', '_')}", np.exp(mean), "1", words)
+        for name in names
+    ]  # fmt: skip
+    return sorted(ranked, key=lambda each: each.common.ratio)
+
+
+def _rank(name: str, cases: Sequence[Mapping[str, float]]) -> RankedError:
+    """Return a method's error over that of the best method of each case, from errors by method."""
+    logs = np.log([own[name] / min(own.values()) for own in cases])
+    count = len(logs)
+    half = student.ppf(0.975, count - 1) * np.std(logs, ddof=1) / np.sqrt(count) if count > 1 else np.inf
+    mean = float(np.mean(logs))
+    return RankedError(float(np.exp(mean)), float(np.exp(mean - half)), float(np.exp(mean + half)), count)
+
+
+def ranking_rows(ranked: Sequence[RankedMethod]) -> Iterator[ResultRow]:
+    """Yield every method's error over the best one's on real people, best first."""
+    for each in ranked:
+        for ending, found in (("", each.common), (".all", each.every)):
+            if found is not None:
+                words = (
+                    f"{each.words}: 95 % interval {found.low:.2f} to {found.high:.2f}; error over that of the best "
+                    f"method of each case, geometric mean over {found.cases} cases of real people"
+                )
+                yield row(f"ranking.{each.name}{ending}", found.ratio, "1", words)
+
+
+def write_ranking(ranked: Sequence[RankedMethod], path: Path) -> None:
+    """Write the ranking as JSON."""
+    content = {"methods": [asdict(each) for each in ranked]}
+    write_text_atomically(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+
+
+def common_errors(folds: Sequence[Mapping[str, np.ndarray]]) -> dict[str, float]:
+    """Return the error of each method that every fold has, from its errors by name, shape (n,) each."""
+    common = [name for name in folds[0] if all(name in fold for fold in folds)]
+    return {name: root_mean_square([fold[name] for fold in folds]) for name in common}
 
 
 def root_mean_square(errors: Sequence[np.ndarray]) -> float:
@@ -354,3 +440,8 @@ def standing_trial(study: Study, person: str) -> TorqueTrial:
         standing.name, "knee", standing.time[::every], {m: x[::every] for m, x in envelopes.items()},
         {"knee": sign * flexion[::every]}, torque[::every], muscles=fitted.muscles,
     )  # fmt: skip
+
+
+if __name__ == "__main__":
+    for each in case_rows(RANKING_FILE):
+        print(f"{each.id}: {each.value:.4g} {each.unit}; {each.note}")

@@ -32,8 +32,8 @@ class Paper(ABC):
 
     Attributes
     ----------
-    title, kicker : str
-        The page's title, and the line above it. An empty title means the paper's own.
+    title, kicker, opening : str
+        The page's title, the line above it, and the first sentence of the answer. An empty title means the paper's own.
     over : str
         Heading of the column of ranges.
     printed_of, ours_of : str
@@ -58,6 +58,7 @@ class Paper(ABC):
 
     title: ClassVar[str] = ""
     kicker: ClassVar[str] = "Reproduction of a paper"
+    opening: ClassVar[str] = ""
     over: ClassVar[str] = "Range"
     printed_of: ClassVar[str] = "real people and machines"
     ours_of: ClassVar[str] = "virtual ones"
@@ -142,7 +143,7 @@ class Paper(ABC):
         failing = ", ".join(part.name for part in parts if part.verdict != "yes")
         return answer_of_parts(
             "Do the claims of the paper hold on simulated data?",
-            f"{said}{self.headline(figures)}",
+            f"{self.opening} {said}{self.headline(figures)}".strip(),
             parts,
             basis=Basis(len(figures), len(figures), "figure", "simulated rigs and people", is_simulated=True),
             improve=(Step(f"Test on recordings of your own what does not hold here: {failing or 'every claim'}"), read),

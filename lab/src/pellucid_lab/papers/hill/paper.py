@@ -17,6 +17,7 @@ from ...seated.subject import subjects
 from ...study import record_in_memory
 from ..figure import Figures, Reproduced
 from ..paper import Paper, Progress
+from .real_people import ranking_sentence, real_people_rows, real_people_section
 from .recomputed import recomputed
 from .release_orders import errors_over_all_at_once
 from .rows import release_rows, step_rows, torque_rows, training_rows
@@ -36,6 +37,10 @@ class HillPaper(Paper):
     """All subjects of the virtual shank exoskeleton, with one seed of all noise."""
 
     title: ClassVar = "From a robot to muscles in three steps: reproduced"
+    opening: ClassVar = (
+        "Tables 4 and 5 are a self-test on simulated people, whose muscles are those of the fitted model: they rank no "
+        "methods."
+    )
     over: ClassVar = "Over subjects"
     remarks: ClassVar = True
     # p and q are compared with the rig's own constants.
@@ -44,7 +49,8 @@ class HillPaper(Paper):
         "fitted": ("hill.adam.", "hill.swarm.", "hill.order.", "hill.parameters."),
     }
     main: ClassVar = (
-        "hill.rmse.truth.", "hill.rmse.eq12.mean", "hill.p.error.rich", "hill.q.error.rich", "hill.adam.",
+        "hill.real_people.", "hill.rmse.truth.", "hill.rmse.eq12.mean", "hill.p.error.rich", "hill.q.error.rich",
+        "hill.adam.",
     )  # fmt: skip
 
     names: Sequence[str] | None = None  # Names of the subjects; all if None
@@ -72,6 +78,7 @@ class HillPaper(Paper):
         )
         self.subjects = {one.name: one for one in found}
         people = self.subjects.items()
+        yield from real_people_rows()
         yield from step_rows(empty, {n: s.leg for n, s in people}, self.printed)
         yield from torque_rows({n: s.torque for n, s in people}, self.printed)
         yield from training_rows(empty, {n: (s.leg, s.training, s.torque) for n, s in people}, self.printed)
@@ -98,19 +105,17 @@ class HillPaper(Paper):
         )  # fmt: skip
 
     def headline(self, figures: Figures) -> str:
-        """Return what the tables are, the error of the torque against the truth, and that of the paper's reference."""
+        """Return the ranking on real people, the error against the true torque, and that of the paper's reference."""
 
         def ours(name: str) -> float:
             return figures.ours(f"hill.{name}")
 
         return (
-            "Tables 4 and 5 are a self-test on simulated people, whose muscles are those of the fitted model: they "
-            "rank no methods. Recordings of real people who walk, lift, crouch and hold rank them (validation, EMG). "
-            f"On a virtual exoskeleton of the paper's kind, muscles calibrated on one swing tell the knee's true "
-            f"torque in another one to within {ours('rmse.truth.mean'):.2f} N·m. With the electrodes' muscles alone it "
-            f"is {ours('rmse.truth.recorded'):.2f} N·m, since nobody records what bends the knee. The paper's own "
-            f"reference, its eq. 12, is {ours('rmse.reference.eq12'):.2f} N·m from the truth. Its swing leaves the "
-            f"leg's inertia unsure to ± {ours('p.half_width.two_sines'):.0f} %; a richer one to "
+            f"{ranking_sentence()} On a virtual exoskeleton of the paper's kind, muscles calibrated on one swing tell "
+            f"the knee's true torque in another one to within {ours('rmse.truth.mean'):.2f} N·m. With the electrodes' "
+            f"muscles alone it is {ours('rmse.truth.recorded'):.2f} N·m, since nobody records what bends the knee. The "
+            f"paper's own reference, its eq. 12, is {ours('rmse.reference.eq12'):.2f} N·m from the truth. Its swing "
+            f"leaves the leg's inertia unsure to ± {ours('p.half_width.two_sines'):.0f} %; a richer one to "
             f"± {ours('p.half_width.rich'):.1f} %."
         )
 
@@ -133,7 +138,7 @@ class HillPaper(Paper):
 
     def sections(self, figures: Figures) -> tuple[Section, ...]:
         """Return a section for each table and figure of the paper."""
-        return step_sections(self)
+        return (real_people_section(), *step_sections(self))
 
     def footer(self) -> str:
         """Return the page's last line, which names the rig's status and the paper's errata."""
