@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pellucid.arm.study import tree_result
 from pellucid.emg.study import muscle_channels
 from pellucid.emg.study.emg_force.emg_force_table import EmgForceTable
 from pellucid.emg.study.emg_force.find_emg_force import EmgForceResult, force_answer, summarise_people
@@ -149,3 +150,18 @@ def test_a_result_without_a_question_of_its_own_is_improved_by_its_warnings():
         verdicts=(Verdict("warning", "It is warm.", "Let it warm up."),),
     )  # fmt: skip
     assert [step.text for step in found.answer.next] == ["Let it warm up."]
+
+
+@pytest.mark.parametrize(
+    ("judged", "names", "said"),
+    [
+        ("heldout", ("a",), "one held-out recording"),
+        ("heldout", ("a", "b"), "2 held-out recordings"),
+        ("segments_out", (), "13 held-out segments (cross-validation)"),
+        ("fitted", (), "fitted recordings"),
+    ],
+)
+def test_the_data_of_a_robots_errors_are_counted(judged, names, said):
+    """It said "numbers are of held-out recordings"."""
+    traces = [SimpleNamespace(recording=name, use="validate") for name in names for _ in range(2)]
+    assert tree_result._judged_words(SimpleNamespace(judged=judged, traces=traces, segments=13)) == said

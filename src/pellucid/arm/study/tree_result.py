@@ -316,11 +316,20 @@ def tree_answer(found: TreeResult) -> Answer:
         f"{said}.",
         parts,
         numbers,
-        Basis(recordings, recordings, judged=judged),
+        Basis(recordings, recordings, judged=_judged_words(found)),
         improve=_improving(found, parts),
         next=(Step("Export a controller", "export"),),
         is_relative=True,
     )
+
+
+def _judged_words(found: TreeResult) -> str:
+    """Return the data of the errors in words, with their number where they were not fitted."""
+    words = ROW_KIND_DESCRIPTIONS[found.judged]
+    held = len({trace.recording for trace in found.traces if trace.use == "validate"})
+    if found.judged == "heldout":
+        return "one held-out recording" if held == 1 else f"{held} {words}"
+    return f"{found.segments} {words}" if found.judged == "segments_out" else words
 
 
 def _improving(found: TreeResult, parts: Sequence[AnswerPart]) -> tuple[Step, ...]:
