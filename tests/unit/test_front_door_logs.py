@@ -112,6 +112,17 @@ def test_the_voltage_of_a_valve_is_no_drive(tmp_path):
     assert "no effort was recorded" in missing_part(proposed(path))
 
 
+def test_emg_beside_an_effort_without_an_angle_is_not_called_an_envelope(data_folder):
+    """Four raw channels beside a dynamometer were "only the envelopes of 4 muscles", of which 3 were wanted."""
+    path = data_folder / "elderly_isometric" / "ID 1.xlsx"
+    if not path.is_file():
+        pytest.skip("elderly_isometric is not here")
+    said = missing_part(proposed(path))
+    assert said is not None
+    assert "no joint angle" in said
+    assert "envelope" not in said
+
+
 def test_a_command_alone_is_asked_for(tmp_path):
     t, q, _, tau = swing()
     path = written(tmp_path / "log.csv", "t_s,q_rad,tau_cmd_Nm", [t, q, tau])

@@ -35,7 +35,7 @@ ALARM_LEVEL = "alarm"
 """Level of a finding without whose cause the channel must not be used as it is."""
 
 REPAIRED_LEVEL = "repaired"
-"""Level of a finding that reading repairs: what is wrong is left out or interpolated, and the channel may be used."""
+"""Level of a finding that reading repairs: wrong samples are excluded or interpolated, and the channel may be used."""
 
 NOTE_LEVEL = "note"
 """Level of a finding that a user should know and that needs no repair."""
@@ -159,7 +159,7 @@ VERDICT_WORDS = {
 """Words for each kind of finding, the one that decides a channel's verdict first."""
 
 
-LEFT_OUT_WORDS = "left out when the log is read"
+LEFT_OUT_WORDS = "excluded when the log is read"
 """What reading does with samples that it repairs."""
 
 _QUOTED_TEXT = re.compile(r'"([^"]*)"')
@@ -572,7 +572,7 @@ def _why_constant(channel: LogChannel, others: Mapping[str, LogChannel]) -> str:
         return "a setting, or not connected"
     own = [c for c in others.values() if c.joint == channel.joint and c.quantity.role in ("", "measured")]
     if quantity.kind == "voltage" and any(c.quantity.kind in EFFORT_QUANTITIES and c.levels is None for c in own):
-        return "a supply, beside the effort of the same drive"
+        return "a supply, in addition to the effort of the same drive"
     is_joint_still = all(c.levels is not None and c.levels.size <= 1 for c in own if c.quantity.kind != "")
     if channel.joint and is_joint_still and len({c.quantity.kind for c in own}) > 2:
         return "no channel of this joint changes: it was at rest, or not connected"

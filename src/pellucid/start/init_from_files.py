@@ -22,6 +22,7 @@ from .._errors import PellucidError, StudyError, UnfitRecordingError, listed_nam
 from .._given import require_empty_folder
 from ..files.fault import Fault, grouped_messages
 from ..files.quantity import is_setting, quantity_of
+from ..files.recording import MAXIMAL_PROTOCOL
 from ..study.pages.page import Page, write_page
 from ..study.procedures.registry import open_study
 from ..study.procedures.run import check
@@ -87,16 +88,21 @@ def _missing_parts(proposal: Proposal) -> Iterator[str]:
             "found joint moments of a person but no EMG, expected EMG, or the effort of a drive (torque, force, "
             "current, voltage or duty cycle)"
         )
-    elif not has_task(proposal) and proposal.drive is None and "moment" not in quantities:
+    elif not has_task(proposal) and proposal.drive is None and not quantities & {*EFFORT_QUANTITIES}:
         count = sum(role.quantity == "emg" for role in channels)
+        if count >= MIN_SYNERGY_MUSCLES and all(r.protocol == MAXIMAL_PROTOCOL for r in proposal.recordings):
+            yield (
+                f"found {count} muscles in maximal contractions alone, expected a movement. Record one with the same "
+                "muscles"
+            )
         yield (
             f"found only the envelope{'s' if count > 1 else ''} of {count} muscle{'s' if count > 1 else ''}, expected "
             f"raw EMG, or the envelopes of at least {MIN_SYNERGY_MUSCLES} muscles"
         )
     elif not has_task(proposal):
         yield (
-            "found EMG and joint moments of a person but no joint angle, expected the joint angle in degrees, or the "
-            "angle and the effort of a drive"
+            "found EMG and an effort but no joint angle, expected the joint angle in degrees. Record the angle too, or "
+            "remove the effort to study the EMG alone"
         )
     for role in channels:
         if not has_accepted_unit(role):

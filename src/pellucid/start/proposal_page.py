@@ -10,6 +10,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,9 @@ QUESTIONS = {
 ADVICE_VERBS = ("Correct", "Export", "Record", "Rename", "State", "Remove", "Pass", "Use", "Write", "Name")
 """Verbs with which a message begins to say what to do."""
 
+MAX_FIRST_PANELS = 4
+"""The first figure has at most so many panels, so that its letters are legible on the first screen."""
+
 MAX_PANELS_IN_FIGURE = 12
 """A figure has at most so many panels; further columns get a figure of their own."""
 
@@ -49,14 +53,14 @@ MAX_DRAWN_ROWS = 100_000
 
 
 def channel_figures(layout: Layout, table: GivenTable, name: str, marks: dict[str, str]) -> list[Drawing]:
-    """Plot every column of a table with its role; `marks` says by column which roles are guesses."""
+    """Plot every column of a table with its role, used ones first; `marks` says by column which roles are guesses."""
     roles = [role for role in layout.roles.roles if role.column in table.columns][:MAX_PANELS]
-    figures = []
-    for start in range(0, len(roles), MAX_PANELS_IN_FIGURE):
-        part = roles[start : start + MAX_PANELS_IN_FIGURE]
-        part_name = f"{name}_{start // MAX_PANELS_IN_FIGURE + 1}"
-        figures.append(draw(_panels, layout, table, part, name=part_name, marks=marks))
-    return figures
+    roles.sort(key=lambda role: role.quantity is None)
+    starts = [0, *range(MAX_FIRST_PANELS, len(roles), MAX_PANELS_IN_FIGURE)]
+    parts = [roles[start:stop] for start, stop in pairwise((*starts, len(roles)))]
+    return [
+        draw(_panels, layout, table, part, name=f"{name}_{i}", marks=marks) for i, part in enumerate(parts, start=1)
+    ]
 
 
 def _panels(

@@ -37,7 +37,7 @@ MAX_SNIFFED_BYTES = 4096
 
 
 DESCRIBING_STEMS = frozenset({"readme", "license", "licence", "notice", "citation", "changelog", "attribution"})
-"""Words of names of files that describe the recordings beside them, such as ORIGINAL_README.txt."""
+"""Words of names of files that describe recordings, such as ORIGINAL_README.txt."""
 
 MIN_SNIFFED_NUMBERS = 8
 """A file with an unknown ending is a table of text if its beginning holds at least so many numbers."""
@@ -139,7 +139,7 @@ def read_columns(path: str | os.PathLike) -> Columns:
 
 
 def describes_files(path: Path) -> bool:
-    """Return whether a file describes the recordings beside it, by the first or the last word of its name."""
+    """Return whether a file describes recordings, by the first or the last word of its name."""
     words = words_of(path.stem)
     return bool(DESCRIBING_STEMS.intersection((*words[:1], *words[-1:])))
 

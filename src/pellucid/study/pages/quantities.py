@@ -206,13 +206,16 @@ def percent(value: float) -> str:
     return number(value, digits=3 if abs(value) >= 0.1 else 2)
 
 
+_COLUMN_PATTERN = r"\b(?=\w*_)(?=\w*[A-Z])\w+"
+"""Name of a column: the program's own names have no capital letter."""
+
 _FILE_PATTERN = r"\S+\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf|toml|urdf)\b"
 
 
 def typeset_sentence(text: str) -> str:
     """Return a sentence with its typography: capital first letter, minus signs, units, R², names in words.
 
-    Names of files and of recordings with a number, and symbols, stay unchanged.
+    Names of files, of columns with a capital letter and of recordings with a number, and symbols, stay unchanged.
     """
     own = re.search(r"[\d']|\.[a-z]", text.split(" ", 1)[0])
     for method, words in METHODS.items():
@@ -220,7 +223,8 @@ def typeset_sentence(text: str) -> str:
     for name in (n for n in PARAMETER_LABELS if "_" in n):
         text = re.sub(rf"\b{name}\b", name.replace("_positive", " +").replace("_negative", f" {MINUS_SIGN}"), text)
     # A key with a value, such as lever_arm=0.3 m, is there to be copied.
-    text = re.sub(rf"(`[^`]*`|{_FILE_PATTERN}|\b\w+(?= ?=))|(?<=[a-z])_(?=[a-z])", lambda found: found[1] or " ", text)
+    kept = rf"`[^`]*`|{_FILE_PATTERN}|{_COLUMN_PATTERN}|\b\w+(?= ?=)"
+    text = re.sub(rf"({kept})|(?<=[a-z])_(?=[a-z])", lambda found: found[1] or " ", text)
     text = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", text)
     text = re.sub(r"\bR2\b", "R²", typeset_quantities(text))
     return text if own else capitalised(text)

@@ -13,7 +13,7 @@ from ..._domains import offered
 from ..._errors import PellucidError, RecordingError
 from ..._given import visible_text
 from ..._printed_command import printed_command
-from ...files.defects import echoed, garbage
+from ...files.defects import echoed, garbage, held
 from ...files.log import ALARM_LEVEL, LEVELS, REPAIRED_LEVEL, VERDICT_WORDS, Log, LogFinding, inspect_log, log_of
 from ...files.quantity import EFFORT_QUANTITIES
 from ...files.readers.read import describes_files, read_columns, readers_by_ending
@@ -34,6 +34,7 @@ CORRECTIONS = {
     VERDICT_WORDS["unit"]: "Correct the unit of {channels}",
     VERDICT_WORDS["exchanged"]: "Correct the names of {channels}",
     VERDICT_WORDS["impossible"]: "Correct the unit of {channels}, or record again without the impossible values",
+    VERDICT_WORDS[held.KIND]: "Log {channels} on a clock of its own, or leave it out of the study (another clock)",
     VERDICT_WORDS[echoed.KIND]: "Log what the sensor measures, or leave out of the study: {channels} (echoed)",
 }
 """What to do with the channels of a verdict, where it is something else than `RECORD_AGAIN`."""

@@ -19,8 +19,8 @@ MAX_GOOD_ERROR = 20.0
 The bound leaves 4 % of the power of the effort unexplained. A controller that compensates the model leaves at most a
 fifth of the joint's own effort to the wearer. The public data sets of single joints lie between 5 and 12 %.
 
-One model is judged by its error over all held-out data, whatever single recordings say. Where several models answer, of
-joints or of recordings, each of them is judged so, and yes needs all.
+The error of a model over all held-out data decides, whatever single recordings say. Where several models answer, of
+joints or of recordings, each error decides for its own model, and yes needs all.
 """
 
 SOUND_R2 = 0.8
