@@ -107,7 +107,7 @@ MARKER_COUNT = 30
 """Markers of the audited file; its other columns are sums and differences of their coordinates."""
 
 AUDITED_COLUMN_COUNT = sized(1000, smallest=100)
-"""Columns of the audited file beside its time."""
+"""Columns of the audited file in addition to its time."""
 
 READ_FILES = """
 import sys

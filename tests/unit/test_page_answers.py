@@ -1,6 +1,7 @@
 """A page answers first: badge, sentence and figure, what to do, then evidence that is folded, then notes by kind."""
 
 import re
+import shutil
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -15,7 +16,16 @@ from pellucid.joint.study import joint_answer as module
 from pellucid.joint.study.joint_page import page as joint_page
 from pellucid.joint.study.joint_result import complete_result, rows_of
 from pellucid.models.estimates import Verdict
-from pellucid.study.answer import Answer, Step, answer_of_findings, verdict_of_parts
+from pellucid.study.answer import (
+    Answer,
+    AnswerPart,
+    Assumption,
+    Basis,
+    Step,
+    answer_of_findings,
+    needed_of_parts,
+    verdict_of_parts,
+)
 from pellucid.study.drawing.drawing import Drawing, draw
 from pellucid.study.pages.forest import Estimate, Row, Table, forest
 from pellucid.study.pages.page import MAX_LEAD_CHARACTERS, Page, Section, without_drawing, write_page
@@ -51,6 +61,30 @@ def test_a_warning_is_no_next_step(tmp_path):
     following = text.partition('id="next"')[2].partition("</div>")[0]
     assert "<code>a b</code>" in following
     assert "Mind this." not in following
+
+
+def test_what_to_do_next_stands_on_the_first_screen(tmp_path):
+    """It stood below the parameters and the warnings, 1,100 px from the top."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    chromium = shutil.which("chromium") or pytest.skip("no browser: chromium is not installed")
+    answer = Answer(
+        "Does it hold?", "no", "It errs by 3 % of the effort. " * 12, "another reason",
+        tuple(AnswerPart(f"joint {i}", "no", "it errs") for i in range(8)), basis=Basis(3, 7),
+        assumed=tuple(Assumption(f"key_{i}", "a default") for i in range(9)),
+        next=(Step("Record again"), Step("Then repeat", line="pellucid try log.csv")),
+    )  # fmt: skip
+    table = Table(("a", "b"), tuple(Row((str(i), "c")) for i in range(12)))
+    summary = (Section("parameters", "Parameters", tables=(table,)),)
+    warnings = tuple(("warning", f"Mind this, number {i}.") for i in range(3))
+    write_page(tmp_path, Page("t", "k", answer=answer, figure=drawing(height=6.0), summary=summary, verdicts=warnings))
+    with playwright.sync_playwright() as browsers:
+        browser = browsers.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.goto((tmp_path / "index.html").as_uri())
+        ends = page.evaluate("[...document.querySelectorAll('.step')].map(one => one.getBoundingClientRect().bottom)")
+        browser.close()
+    assert len(ends) == 2
+    assert max(ends) <= 900
 
 
 @pytest.mark.parametrize(
@@ -184,6 +218,13 @@ def test_several_procedures_give_one_answer_and_a_section_for_each_other_one():
     assert "Two is so." in made.sections[0].paragraphs[0]
     names = [d.name for d in made.drawings]
     assert len(names) == len(set(names)) == 2
+
+
+def test_several_models_say_how_many_a_yes_needs():
+    """Three of four recordings gave yes in one study and eight of eleven gave no in another, without a rule."""
+    parts = [AnswerPart("a", "yes", "3 %"), AnswerPart("b", "no", "30 %")]
+    assert needed_of_parts(parts) == "; yes needs all 2"
+    assert needed_of_parts(parts[:1]) == ""
 
 
 def test_a_section_left_empty_is_dropped():

@@ -57,7 +57,7 @@ def missing_part(proposal: Proposal) -> str | None:
 
 def constant_efforts(proposal: Proposal) -> str:
     """Return that the effort was recorded as one value, with its columns; "" where no column holds such an effort."""
-    found = {}
+    found: dict[str, str] = {}
     for table in proposal.main.tables:
         for name, x in table.columns.items():
             known = x[np.isfinite(x)]

@@ -97,7 +97,7 @@ def _recording_steps(undecided: Sequence[Certified]) -> tuple[Step, ...]:
 
 
 def _recording_texts(each: Certified) -> tuple[str, ...]:
-    """Return what to record if a certificate is undecided: what was lost, and the number of people to add."""
+    """Return what to record if a certificate is undecided: lost trials, and the number of people to add."""
     own, now, texts = each.certificate, each.participants, []
     if remedy := loss_remedy(each):
         texts.append(f"{remedy[:1].lower()}{remedy[1:].rstrip('.')}")
