@@ -10,8 +10,9 @@ from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings, f
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.emg.study.muscle_channels import relative_envelopes
 from pellucid.emg.study.onset.find_onsets import find_onsets
+from pellucid.people.emg_index import Activity
 from pellucid.people.study.assessment_table import AssessmentTable
-from pellucid.people.study.pointing import activity
+from pellucid.people.study.pointing import rectified_emg
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check
 
@@ -114,7 +115,9 @@ def test_onsets_in_windows_are_those_of_the_whole(study):
 
 def test_activity_of_a_window_is_advanced_from_before_it(study):
     spec = AssessmentTable(control="x", angle="angle.knee", agonists=("vastus_lateralis",), advance="0.1 s")
-    whole, fitted, judged = (activity(r, spec) for r in study.recordings())
+    whole, fitted, judged = (
+        Activity.of_rectified(r.stream_or_self(spec.emg).time, rectified_emg(r, spec)) for r in study.recordings()
+    )
     for part, name in ((fitted, "fitted"), (judged, "judged")):
         at = np.arange(WINDOWS[name][0] + 0.1, WINDOWS[name][1] - 0.1, 0.01)
         pair = [a.envelope(("vastus_lateralis",), {"vastus_lateralis": 1e-4}, at, 0.1) for a in (part, whole)]

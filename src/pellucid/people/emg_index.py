@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -35,44 +34,51 @@ from .movements import Kinematics
 
 @dataclass(frozen=True, eq=False)
 class Activity:
-    """Rectified EMG of one recording, advanced."""
+    """Power of the rectified EMG of one recording, advanced: the sample at t causes the motion at t."""
 
     time: np.ndarray  # (m,) [s]
-    # Rectified EMG by muscle, (m,), in the amplifier's unit; the sample at t causes the motion at t
-    rectified: Mapping[str, np.ndarray]
-    largest: Mapping[str, float]  # largest value by muscle
+    # Cumulative sums of squares by muscle, (m + 1,), so that the RMS of any stretch takes two look-ups
+    sums: Mapping[str, np.ndarray]
+    largest: Mapping[str, float]  # largest value by muscle, in the amplifier's unit
+
+    @classmethod
+    def of_rectified(cls, time: np.ndarray, rectified: Mapping[str, np.ndarray]) -> Activity:
+        """Return the activity of rectified EMG by muscle, (m,), at its times (m,) [s]."""
+        sums = {m: np.concatenate(([0.0], np.cumsum(np.square(each)))) for m, each in rectified.items()}
+        return cls(time, sums, {m: float(each.max()) for m, each in rectified.items()})
 
     def later(self, seconds: float) -> Activity:
         """Return the same activity, delayed by `seconds`."""
         return replace(self, time=self.time + seconds)
 
-    def level(self, muscles: Sequence[str], maxima: Mapping[str, float], start: float, end: float) -> float:
-        """Return the mean over `muscles` of the RMS activity from `start` to `end` [s], relative to the `maxima`.
+    def levels(
+        self, muscles: Sequence[str], maxima: Mapping[str, float], start: np.ndarray, end: np.ndarray
+    ) -> np.ndarray:
+        """Return the mean over `muscles` of the RMS activity from `start` to `end` (k,) [s], relative to the `maxima`.
 
-        The value is NaN outside the record.
+        The values, (k,), are NaN outside the record.
         """
-        first, last = np.searchsorted(self.time, (start, end))
-        if start < self.time[0] or end > self.time[-1] or last - first < 2:
-            return float("nan")
-        squares = ((self._sums[m][last] - self._sums[m][first]) / (last - first) for m in muscles)
-        return float(np.mean([np.sqrt(max(s, 0.0)) / maxima[m] for m, s in zip(muscles, squares, strict=True)]))
+        first, last = np.searchsorted(self.time, start), np.searchsorted(self.time, end)
+        outside = (start < self.time[0]) | (end > self.time[-1]) | (last - first < 2)
+        return np.where(outside, np.nan, self._mean_level(muscles, maxima, first, last))
 
     def envelope(self, muscles: Sequence[str], maxima: Mapping[str, float], at: np.ndarray, width: float) -> np.ndarray:
         """Return the level in a window of a `width` [s] about each time `at`, (k,) [s]; (k,), NaN outside the record.
 
-        The level is that of `level`.
+        The level is that of `levels`.
         """
         first, last = (np.searchsorted(self.time, at + side * 0.5 * width) for side in (-1.0, 1.0))
         inside = (at - 0.5 * width >= self.time[0]) & (at + 0.5 * width <= self.time[-1]) & (last - first >= 2)
-        count = np.maximum(last - first, 1)
-        squares = ((self._sums[m][last] - self._sums[m][first]) / count for m in muscles)
-        levels = [np.sqrt(np.maximum(s, 0.0)) / maxima[m] for m, s in zip(muscles, squares, strict=True)]
-        return np.where(inside, np.mean(levels, axis=0), np.nan)
+        return np.where(inside, self._mean_level(muscles, maxima, first, last), np.nan)
 
-    @cached_property
-    def _sums(self) -> dict[str, np.ndarray]:
-        """Cumulative sums of squares by muscle, so that the RMS of any stretch takes two look-ups."""
-        return {m: np.concatenate(([0.0], np.cumsum(np.square(each)))) for m, each in self.rectified.items()}
+    def _mean_level(
+        self, muscles: Sequence[str], maxima: Mapping[str, float], first: np.ndarray, last: np.ndarray
+    ) -> np.ndarray:
+        """Return the mean level of stretches from their `first` sample to before their `last` one, (k,)."""
+        count = np.maximum(last - first, 1)
+        squares = ((self.sums[m][last] - self.sums[m][first]) / count for m in muscles)
+        levels = [np.sqrt(np.maximum(s, 0.0)) / maxima[m] for m, s in zip(muscles, squares, strict=True)]
+        return np.mean(levels, axis=0)
 
 
 def maxima(activities: Sequence[Activity]) -> dict[str, float]:
@@ -94,6 +100,7 @@ LABEL_TOLERANCE_RAD = 0.01
 
 MAX_AMPLITUDE_COUNT = 12
 """With more amplitudes than this they were drawn at random, and lie too close together to tell exchanged labels."""
+
 
 @dataclass(frozen=True)
 class LabelBounds:

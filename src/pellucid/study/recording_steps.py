@@ -28,6 +28,7 @@ from ..files.optical import AXES, OpticalRecording
 from ..files.pieces import pieces_between_cuts
 from ..files.readers.read import find_lost_end
 from ..files.recording import MAXIMAL_PROTOCOL, Channel, Payload, Recording, trim_missing_ends, within_streams
+from ..files.stored_channels import ChannelStore
 from ..units import contradicts_unit
 from .find_defects import find_cuts, regressed_joints, watched_part
 
@@ -105,9 +106,13 @@ def prepared_recordings(
     contents: dict[Path, Columns] = {}
     found: list[Recording] = []
     shortest = study.shortest_piece
+    last_use = {file: i for i, (entry, _, path) in enumerate(chosen) for file in (path, *_further_files(study, entry))}
     for i, (entry, name, path) in enumerate(chosen):
         on_progress(f"reading {name}", i / len(chosen))
         recording = prepare(RecordedFile(study, entry, name, path, contents))
+        # Several recordings may share a file.
+        for file in [file for file in contents if last_use.get(file, i) <= i]:
+            del contents[file]
         found.extend((recording,) if shortest is None else pieces_between_cuts(recording, shortest))
     return tuple(found)
 
@@ -134,10 +139,13 @@ def prepare(file: RecordedFile) -> Recording:
         if entry.file is None and entry.files is None:
             # A maximal contraction may have the stream with EMG alone.
             (stream,) = entry.streams
-            kept.apart[name] = kept.recordings[name] = replace(_stream_recording(file, stream), name=name)
+            apart = joined = replace(_stream_recording(file, stream), name=name)
         else:
-            kept.apart[name] = _after(OWN_FILE_STEPS, read_recording(file, entry.window), file)
-            kept.recordings[name] = join_streams(kept.apart[name], file.study, entry)
+            apart = _after(OWN_FILE_STEPS, read_recording(file, entry.window), file)
+            joined = join_streams(apart, file.study, entry)
+        if kept.store is None:
+            kept.store = ChannelStore()
+        kept.apart[name], kept.recordings[name] = kept.store.keep(apart, joined)
     return kept.recordings[name]
 
 
@@ -439,9 +447,14 @@ def every_file(study: StudySource) -> Iterator[Path]:
     """Yield every file that study.toml names among the recordings; one may come twice."""
     for entry in study.config.recordings:
         yield from (path for _, path in recording_files(study, entry))
-        for file in (entry.optical, *entry.streams.values()):
-            if file is not None:
-                yield study.inside(file, entry_text(study, entry))
+        yield from _further_files(study, entry)
+
+
+def _further_files(study: StudySource, entry: RecordingEntry) -> Iterator[Path]:
+    """Yield the files of other instruments that an entry names."""
+    for file in (entry.optical, *entry.streams.values()):
+        if file is not None:
+            yield study.inside(file, entry_text(study, entry))
 
 
 def entry_text(study: StudySource, entry: RecordingEntry) -> str:

@@ -14,6 +14,7 @@ from .._given import require_inside
 
 if TYPE_CHECKING:
     from ..files.recording import Recording
+    from ..files.stored_channels import ChannelStore
     from .study_file import StudyFile
 
 
@@ -84,6 +85,7 @@ class KeptRecordings:
     recordings: dict[str, Recording] = field(default_factory=dict)  # by name, after all steps
     apart: dict[str, Recording] = field(default_factory=dict)  # before their streams were joined
     digests: dict[Path, str] = field(default_factory=dict)  # SHA-256 of files
+    store: ChannelStore | None = None  # holds the samples; made with the first recording
 
 
 @dataclass(frozen=True, eq=False)

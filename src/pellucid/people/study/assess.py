@@ -136,6 +136,11 @@ def assess_recordings(
         if delays.recordings and emg:
             moved = {n: a.later(delays.span) if n in delays.recordings else a for n, a in emg.items()}
             shifted.append(measure(own, spec, with_rule(spec), moved, largest, named=named, detailed=False))
+            del moved
+        # The next person needs the memory.
+        del emg
+        for record in own:
+            record.forget()
     measured = {words: join_studies(each) for words, each in parts.items() if any(part.movements for part in each)}
     whole = next(iter(measured.values()))
     found = _assessed(whole, participants, conditions, spec, along, [index.name for index in SHOWN_INDICES])
@@ -242,7 +247,9 @@ def _along(records: Sequence[PointingRecord]) -> Coordinate:
 
 
 def _participants(
-    used: Sequence[Recording], records: Sequence[PointingRecord], conditions: Sequence[str],
+    used: Sequence[Recording],
+    records: Sequence[PointingRecord],
+    conditions: Sequence[str],
     excluded: Mapping[str, str],
 ) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, str]]:
     """Return the participants with a usable recording in every condition who were not `excluded`.

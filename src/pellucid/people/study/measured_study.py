@@ -20,6 +20,7 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ...files.fault import Fault
+from ...files.stored_channels import ChannelStore
 from ...numerics.resampling import linear
 from ...units import Coordinate
 from ..design_columns import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
@@ -47,7 +48,7 @@ from ..indices import (
 )
 from ..movements import Kinematics, Movement, MovementRule, NoMovement
 from .assessment_table import AssessmentTable
-from .pointing import PointingRecord, activity, drop_mistaken, labelled_amplitudes
+from .pointing import PointingRecord, drop_mistaken, labelled_amplitudes, rectified_emg
 
 MAX_DRIFT = 0.01
 """Largest plausible drift between two clocks [s/s]. A larger one means lost samples or a wrong rate in the file."""
@@ -99,9 +100,13 @@ def delay_notes(delays: MarkerDelays) -> list[str]:
 
 
 def emg_on_motions_clock(
-    record: PointingRecord, made: Activity, spec: AssessmentTable, rule: MovementRule
+    record: PointingRecord,
+    made: Activity,
+    rectified: Mapping[str, np.ndarray],
+    spec: AssessmentTable,
+    rule: MovementRule,
 ) -> tuple[Activity, list[Fault]]:
-    """Return a recording's EMG with its drift corrected, and the faults of its clock."""
+    """Return the activity `made` of a recording's rectified EMG without drift, and the faults of its clock."""
     name = record.recording.stream_or_self(spec.emg).path.name
 
     def fault(severity: str, kind: str, what: str, expected: str) -> list[Fault]:
@@ -114,7 +119,7 @@ def emg_on_motions_clock(
         what = f"EMG from {low:.4g} s to {high:.4g} s, movements from {begin:.4g} s to {end:.4g} s"
         return made, fault("refuse", "overlap", what, "both at the same time; check that their clocks agree")
     groups = [
-        np.sum([made.rectified[m] / made.largest[m] for m in group if made.largest[m] > 0.0], axis=0)
+        np.sum([rectified[m] / made.largest[m] for m in group if made.largest[m] > 0.0], axis=0)
         for group in (spec.agonists, spec.antagonists)
         if any(made.largest[m] > 0.0 for m in group)
     ]
@@ -168,10 +173,14 @@ def activities(
     """Return the EMG of every recording, each muscle's largest activity, and the faults of clocks."""
     found: dict[str, Activity] = {}
     faults: list[Fault] = []
+    store = ChannelStore()
     for record in records if spec.agonists or spec.antagonists else ():
-        made = activity(record.recording, spec)
-        if made is not None:
-            found[record.recording.name], own = emg_on_motions_clock(record, made, spec, rule)
+        rectified = rectified_emg(record.recording, spec)
+        if rectified is not None:
+            time = record.recording.stream_or_self(spec.emg).time
+            made = Activity.of_rectified(time, rectified)
+            made = replace(made, sums=store.store_all(made.sums))
+            found[record.recording.name], own = emg_on_motions_clock(record, made, rectified, spec, rule)
             faults += own
     people: dict[str, list[Activity]] = {}
     for record in records:
@@ -190,7 +199,10 @@ def measure(
     named: Sequence[float] | None = None,
     detailed: bool = True,
 ) -> MeasuredStudy:
-    """Find every movement and compute its indices; `named` are the labelled amplitudes [rad]."""
+    """Find every movement and compute its indices; `named` are the labelled amplitudes [rad].
+
+    A study that is not `detailed` has only what other rules are tried on, and no motions.
+    """
     named = labelled_amplitudes(records) if named is None else named
     pooled = len(named) > MAX_AMPLITUDE_COUNT
     made: list[MeasuredMovement] = []
@@ -215,16 +227,21 @@ def measure(
     zeros = _target_zeros(records, motions, movements, spec.control)
     for record in records:
         recording = record.recording
-        motion = motions[recording.name]
-        for movement in movements[recording.name]:
+        motion, found = motions[recording.name], movements[recording.name]
+        of_emg = _emg_indices(found, spec, emg.get(recording.name), largest.get(recording.participant, {}))
+        # No other rule is tried on the torque, which takes longer than all the others.
+        felt = (recording.time, recording[spec.interaction]) if detailed and spec.interaction in recording else None
+        for movement, activity in zip(found, of_emg, strict=True):
             cell = (
                 None if pooled else _shown(movement.amplitude, named, record.along),
                 DIRECTION_UP if movement.direction > 0 else DIRECTION_DOWN,
             )
-            values = _indices(record, motion, movement, spec, emg.get(recording.name), largest, detailed)
-            values |= end_error(motion, movement, zeros[recording.participant])
+            values = _indices(motion, movement, tried=not detailed)
+            if felt is not None:
+                values |= _interaction_indices(*felt, motion, movement)
+            values |= activity
             if detailed:
-                values |= smoothness(motion, movement)
+                values |= end_error(motion, movement, zeros[recording.participant]) | smoothness(motion, movement)
             made.append(
                 MeasuredMovement(recording.participant, recording.condition, recording.name, movement, cell, values)
             )
@@ -308,26 +325,41 @@ def _shown(amplitude: float | None, named: Sequence[float], along: Coordinate) -
     return round(along.factor * min(named, key=lambda each: abs(each - amplitude)), 1)
 
 
-def _indices(record, motion, movement, spec, made, largest, detailed: bool) -> dict[str, float]:
-    part = slice(movement.first, movement.last + 1)
-    velocity = motion.velocity[part]
-    values = {
-        index.of: index.of_movement(motion, movement) for index in INDICES.values() if index.of_movement is not None
+def _indices(motion: Kinematics, movement: Movement, *, tried: bool) -> dict[str, float]:
+    """Return the indices that the catalogue computes from a movement; with `tried`, of those that try rules."""
+    return {
+        index.of: index.of_movement(motion, movement)
+        for index in INDICES.values()
+        if index.of_movement is not None and (index.tries_rules or not tried)
     }
-    # No other rule is tried on the torque, which takes longer than all the others.
-    if detailed and spec.interaction in record.recording:
-        torque = linear(record.recording.time, record.recording[spec.interaction], motion.time[part])
-        felt = interaction(torque, velocity, motion.fs)
-        values |= {
-            RMS_INTERACTION_TORQUE.of: felt.rms,
-            PEAK_INTERACTION_TORQUE.of: felt.peak,
-            WORK_AGAINST_ROBOT.of: felt.resisted,
-        }
-    if made is not None:
-        top = largest[record.recording.participant]
-        ends = movement.start, movement.start + movement.duration
-        values[EMG_LEVEL.of] = made.level((*spec.agonists, *spec.antagonists), top, *ends)
-        if movement.direction > 0 and spec.agonists:
-            level = made.level(spec.agonists, top, *ends)
-            values[EMG_PER_ACCELERATION.of] = emg_per_acceleration(level, movement.peak_acceleration)
+
+
+def _interaction_indices(
+    time: np.ndarray, torque: np.ndarray, motion: Kinematics, movement: Movement
+) -> dict[str, float]:
+    """Return the indices of the interaction torque (n,) at times (n,) [s] over one movement."""
+    part = slice(movement.first, movement.last + 1)
+    felt = interaction(linear(time, torque, motion.time[part]), motion.velocity[part], motion.fs)
+    return {
+        RMS_INTERACTION_TORQUE.of: felt.rms,
+        PEAK_INTERACTION_TORQUE.of: felt.peak,
+        WORK_AGAINST_ROBOT.of: felt.resisted,
+    }
+
+
+def _emg_indices(
+    found: Sequence[Movement], spec: AssessmentTable, made: Activity | None, top: Mapping[str, float]
+) -> list[dict[str, float]]:
+    """Return the indices of EMG of each movement of a recording, from its activity and each muscle's largest one."""
+    if made is None or not found:
+        return [{} for _ in found]
+    start = np.array([movement.start for movement in found])
+    end = start + np.array([movement.duration for movement in found])
+    levels = made.levels((*spec.agonists, *spec.antagonists), top, start, end)
+    values = [{EMG_LEVEL.of: float(level)} for level in levels]
+    if spec.agonists:
+        levels = made.levels(spec.agonists, top, start, end)
+        for movement, own, level in zip(found, values, levels, strict=True):
+            if movement.direction > 0:
+                own[EMG_PER_ACCELERATION.of] = emg_per_acceleration(float(level), movement.peak_acceleration)
     return values

@@ -23,7 +23,7 @@ from ...files.recording import Recording
 from ...numerics.clocks import align, clock_drift
 from ...study.study import Study
 from ...units import COORDINATES_BY_UNIT, Coordinate
-from ..emg_index import LABEL_TOLERANCE_RAD, LABELS_RULE, Activity, strays
+from ..emg_index import LABEL_TOLERANCE_RAD, LABELS_RULE, strays
 from ..movements import (
     Kinematics,
     Movement,
@@ -42,6 +42,7 @@ from .assessment_table import AssessmentTable
 
 MIN_TRAVEL_RAD = 0.05
 """Smallest travel of a movement without a target [rad], about three degrees."""
+
 
 @dataclass(frozen=True)
 class MarkerClockBounds:
@@ -78,6 +79,7 @@ class PointingRecord:
     source: str = "angle"  # channel or markers of the angle, for messages
     drift: float = 0.0  # estimated drift of the markers' clock, which is corrected [s/s]
     _kept: dict[tuple[float, int], Kinematics] = field(default_factory=dict, init=False, repr=False)
+    _found: dict[MovementRule, tuple] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def where(self) -> str:
@@ -111,8 +113,19 @@ class PointingRecord:
 
     def movements(self, rule: MovementRule) -> tuple[Kinematics, list[Movement], list[NoMovement]]:
         """Return the motion, the movements, and the stretches without a movement, by a rule."""
-        motion = self.motion(rule)
-        return motion, *movements(motion, self.stretches, rule)
+        return self.motion(rule), *self.found(rule)
+
+    def found(self, rule: MovementRule) -> tuple[list[Movement], list[NoMovement]]:
+        """Return the movements, and the stretches without a movement, by a rule; the last rule's are cached."""
+        if rule not in self._found:
+            self._found.clear()
+            self._found[rule] = movements(self.motion(rule), self.stretches, rule)
+        found, without = self._found[rule]
+        return list(found), list(without)
+
+    def forget(self) -> None:
+        """Release the cached motion, which needs the memory of several channels."""
+        self._kept.clear()
 
 
 def recordings_with_condition(recordings: Sequence[Recording]) -> list[Recording]:
@@ -285,8 +298,11 @@ def _within(recordings: Sequence[Recording]) -> dict[str, int]:
     return places
 
 
-def activity(recording: Recording, spec: AssessmentTable) -> Activity | None:
-    """Return the EMG of a recording, processed as published except for normalisation, which needs all recordings."""
+def rectified_emg(recording: Recording, spec: AssessmentTable) -> dict[str, np.ndarray] | None:
+    """Return the rectified EMG of a recording by muscle, (m,), at the times of its source; None without EMG.
+
+    It is processed as published except for normalisation, which needs all recordings.
+    """
     muscles = (*spec.agonists, *spec.antagonists)
     names = [f"emg.{muscle}" for muscle in muscles]
     source = recording.stream_or_self(spec.emg)
@@ -312,7 +328,7 @@ def activity(recording: Recording, spec: AssessmentTable) -> Activity | None:
                 rectified[muscle] = chain.zero_phase(channel.samples, source.fs, inside=inside)
         except RecordingError as error:
             raise RecordingError(f"{source.path.name} (recording {recording.name}), {name}: {error}") from None
-    return Activity(source.time, rectified, {muscle: float(samples.max()) for muscle, samples in rectified.items()})
+    return rectified
 
 
 def _chain(advance: float) -> EmgChain:
@@ -378,7 +394,8 @@ def usable_records(recordings: Sequence[Recording], spec: AssessmentTable) -> tu
 
 def _gaps(record: PointingRecord, spec: AssessmentTable) -> str:
     """Return the reason why most movements cannot be used if it is missing samples; otherwise an empty text."""
-    _, found, left_out = record.movements(with_rule(spec))
+    found, left_out = record.found(with_rule(spec))
+    record.forget()
     lost = sum(each.kind == "lost" for each in left_out)
     total = len(found) + len(left_out)
     if len(left_out) <= 0.5 * total or lost < max(Counter(each.kind for each in left_out).values()):
@@ -408,7 +425,7 @@ def _missing_conditions(recordings: Sequence[Recording], usable: Sequence[Record
 
 def pointing_faults(record: PointingRecord, spec: AssessmentTable, labels: Sequence[float]) -> list[Fault]:
     """Return the faults of the movements of a recording; `labelled_amplitudes` are the labelled amplitudes [rad]."""
-    _, found, left_out = record.movements(MovementRule(spec.lowpass, spec.order, spec.threshold))
+    found, left_out = record.found(MovementRule(spec.lowpass, spec.order, spec.threshold))
     faults = []
     total = len(found) + len(left_out)
 

@@ -1,0 +1,79 @@
+"""Recordings beyond a size have their samples in a temporary file, and stay what they were."""
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pellucid.files import stored_channels
+from pellucid.files.optical import OpticalRecording
+from pellucid.files.recording import Channel, Recording
+from pellucid.files.stored_channels import ChannelStore, StoredChannel
+
+COUNT = 5000
+
+
+def recording(name: str, *, seed: int = 0, stream: bool = True) -> Recording:
+    rng = np.random.default_rng(seed)
+    channels = {n: Channel(n, rng.normal(size=COUNT), "rad", n) for n in ("time", "position")}
+    markers = {"wrist": rng.normal(size=(COUNT, 3))}
+    optical = OpticalRecording(Path("m.csv"), "", rng.normal(size=COUNT), markers, np.array([0.0, 0.0, -1.0]))
+    streams = {"emg": recording(f"{name}.emg", seed=seed + 1, stream=False)} if stream else {}
+    return Recording(name, Path("a.csv"), "", "fit", channels, streams=streams, optical=optical)
+
+
+@pytest.fixture
+def store(monkeypatch) -> ChannelStore:
+    monkeypatch.setattr(stored_channels, "MAX_HELD_BYTES", 0)
+    return ChannelStore()
+
+
+def test_a_small_study_stays_in_memory():
+    whole = recording("a")
+    assert ChannelStore().keep(whole)[0] is whole
+
+
+def test_stored_samples_are_those_that_were_given(store):
+    whole = recording("a")
+    (kept,) = store.keep(whole)
+    (other,) = store.keep(recording("b", seed=7))
+    assert isinstance(kept.channels["position"], StoredChannel)
+    assert len(kept) == COUNT
+    for one, each in ((whole, kept), (whole.streams["emg"], kept.streams["emg"])):
+        for name in one.channels:
+            assert np.array_equal(each[name], one[name])
+            assert not each[name].flags.writeable
+        assert np.array_equal(each.optical.markers["wrist"], one.optical.markers["wrist"])
+    assert np.array_equal(other["position"], recording("b", seed=7)["position"])
+
+
+def test_versions_share_what_is_stored(store):
+    apart = recording("a", stream=False)
+    joined = replace(apart, channels={**apart.channels, "more": Channel("more", np.ones(COUNT), "1", "more")})
+    both = store.keep(apart, joined)
+    assert both[0].channels["position"] is both[1].channels["position"]
+    assert store.keep(apart, apart)[0] is not apart
+    assert len({id(each) for each in store.keep(apart, apart)}) == 1
+
+
+def test_a_changed_copy_and_another_process_have_plain_channels(store):
+    whole = recording("a", stream=False)
+    (kept,) = store.keep(whole)
+    assert type(replace(kept.channels["position"], name="q")) is Channel
+    sent = pickle.loads(pickle.dumps((kept.channels["position"], kept.optical.markers)))
+    assert type(sent[0]) is Channel
+    assert np.array_equal(sent[0].samples, whole["position"])
+    assert np.array_equal(sent[1]["wrist"], whole.optical.markers["wrist"])
+
+
+def test_recordings_stay_in_memory_if_no_temporary_file_can_be_written(store, monkeypatch):
+    def refuse():
+        raise OSError("no space")
+
+    monkeypatch.setattr(stored_channels, "TemporaryFile", refuse)
+    whole = recording("a")
+    assert store.keep(whole)[0] is whole
+    arrays = {"x": np.ones(3)}
+    assert store.store_all(arrays) is arrays
