@@ -125,15 +125,15 @@ def test_several_recordings_are_left_out_whole_and_many_together_by_speed():
     assert sorted(i for t in many for i in t.judged) == sorted({i for t in many for i in t.judged})
 
 
-def test_a_single_recording_gives_its_band_by_halves_with_a_gap():
-    one = trial(seconds=8.0)
-    first, second = make_condition_tests([one])
-    assert (first.words, second.words) == ("without the first half", "without the second half")
-    assert second.judged.min() - second.fitted.max() >= 20  # samples at 100 Hz
-    assert first.fitted.min() - first.judged.max() >= 20
-    assert len(first.judged) == pytest.approx(370, abs=5)  # 0.3 s at the beginning are nobody's
+def test_a_single_recording_gives_its_band_by_long_parts_with_gaps():
+    one = trial(seconds=9.0)
+    tests = make_condition_tests([one])
+    assert [test.words for test in tests] == ["without part 1", "without part 2", "without part 3"]
+    for test in tests:
+        assert np.abs(test.fitted[:, None] - test.judged[None, :]).min() >= 20  # samples at 100 Hz
+    assert len(tests[0].judged) == pytest.approx(270, abs=5)  # 0.3 s at the beginning are nobody's
     found = run_condition_tests(fit_torque_map([one], "ridge"), [one])
-    assert (len(found.errors), len(found.band_errors), found.conditions) == (5, 2, 1)
+    assert (len(found.errors), len(found.band_errors), found.conditions) == (5, 3, 1)
     assert found.left_out_coverage is None
 
 

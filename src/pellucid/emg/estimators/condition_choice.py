@@ -18,7 +18,7 @@ weight is recommended alone.
 The tests say nothing of a recording that is unlike all fitted ones, by its angles and envelopes. There the candidate
 that extrapolates best by its form is recommended: muscles held by anatomy.
 
-The error band follows from conditions that are held out in turn, or from both halves of a single recording. Each is
+The error band follows from conditions that are held out in turn, or from long parts of a single recording. Each is
 predicted by candidates that are refitted to the others, with weights that the others alone chose: the band also carries
 what the choice costs.
 
@@ -98,7 +98,7 @@ class ConditionTestErrors:
     words: tuple[str, ...]  # Description of each test
     rmse: tuple[float, ...]  # RMSE in each test [N m]; NaN if the estimator could not be fitted
     half_width: float  # Half width of the band that should hold the share `ERROR_BAND.share` in other conditions [N m]
-    conditions: int = 1  # Number of recordings, sessions or repetitions left out in turn; 1: halves of a single one
+    conditions: int = 1  # Number of recordings, sessions or repetitions left out in turn; 1: parts of a single one
     # Share of the errors of each test within the band that the other tests give; None with fewer than three tests
     left_out_coverage: float | None = None
     # Errors in each test, shape (n,) each [N m], and the weights of their samples by the noise model
@@ -304,7 +304,10 @@ def _make_block_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...
 
 
 def make_condition_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...]:
-    """Return tests that hold out several conditions in turn, or each half of a single one with a gap between them."""
+    """Return tests that hold out several conditions in turn, or long parts of a single one with gaps.
+
+    A single one has as many parts as the band needs conditions.
+    """
     counted = np.concatenate([np.arange(len(t)) >= count_warm_up_samples(t) for t in trials])
     of = _condition_of_each_trial(trials)
     if len(set(of)) > 1:
@@ -313,10 +316,10 @@ def make_condition_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, 
         return tuple(
             ConditionTest(words, np.flatnonzero(~out & counted), np.flatnonzero(out & counted)) for words, out in held
         )
-    halves = block_folds(trials[0].time, 2, MAP_FITTING.fold_gap_s)
+    parts = block_folds(trials[0].time, ERROR_BAND.min_conditions, MAP_FITTING.fold_gap_s)
     return tuple(
-        ConditionTest(f"{LEFT_OUT_WORDS} the {which} half", fitted[counted[fitted]], judged[counted[judged]])
-        for which, (fitted, judged) in zip(("first", "second"), halves, strict=True)
+        ConditionTest(f"{LEFT_OUT_WORDS} part {i}", fitted[counted[fitted]], judged[counted[judged]])
+        for i, (fitted, judged) in enumerate(parts, start=1)
     )
 
 

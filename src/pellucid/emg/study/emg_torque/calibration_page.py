@@ -549,7 +549,7 @@ def _method_section(study: Study) -> Section:
         "recordings. Each of several recordings or repetitions is a test set once. With fewer than three, blocks of "
         "time are test sets, too. A candidate with nearly all of the weight is recommended alone. Muscles held by "
         "anatomy are recommended for recordings that are unlike all fitted ones. The 90 % prediction band is derived "
-        "from the errors in these recordings or repetitions, or in the two halves of a single recording. The others "
+        "from the errors in these recordings or repetitions, or in the thirds of a single recording. The others "
         "alone fit the estimators and choose their weights, so that the band also carries the choice."
     )
     return Section("emg_method", "How", (" ".join(paragraphs),), notes=study.notes)
