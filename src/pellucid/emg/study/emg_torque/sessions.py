@@ -4,8 +4,8 @@ Run the watch of every estimator that can run live over recordings that were not
 
 `emg_session` compares floors, ranges and patterns. A change of gain by 2 lies within what those vary by, yet may cost
 half of the explained torque. The watch that `add_channel_watch` makes asks what a change costs an estimator in torque;
-here it reads a recording from beginning to end, with the thresholds that a running estimator and exported C use. What a
-change costs differs between estimators: muscles may depend on a channel that a regression ignores.
+here it reads a recording from beginning to end, with the thresholds that a running estimator and exported C use. The
+cost of a change differs between estimators: muscles may depend on a channel that a regression ignores.
 """
 
 from __future__ import annotations
