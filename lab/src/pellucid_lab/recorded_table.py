@@ -86,7 +86,8 @@ class StoredTable:
     @property
     def emptied(self) -> StoredTable:
         """Return a table with the same columns and no row."""
-        return StoredTable(self.columns, self.values[:0])
+        # A view would keep all samples alive.
+        return StoredTable(self.columns, self.values[:0].copy())
 
 
 def file_name(recording: str, stream: str) -> str:

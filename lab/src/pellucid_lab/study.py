@@ -134,8 +134,8 @@ def record_in_memory(
     config = study_config({**rig.study(made), "simulated": True})
     entries, recordings = {entry.name: entry for entry in config.recordings}, {}
     for i, taken in enumerate(made):
-        for name, streams in taken.files.items():
-            recordings[name] = _recording(config, entries[name], streams)
+        recordings |= {name: _recording(config, entries[name], streams) for name, streams in taken.files.items()}
+        # The tables are released one by one.
         made[i] = replace(taken.noted, inside=taken.inside)
     # The recordings follow study.toml, where a rig may have sorted them by condition.
     return config, tuple(recordings[name] for name in entries), made

@@ -85,9 +85,10 @@ class ElbowRig(ElbowMachine):
         """
         tell = on_progress or (lambda text, share: None)
         tell("moving the virtual elbow", 0.05)
-        for i, read in enumerate(read_all(self, trials, np.random.default_rng(seed), threads=threads)):
+        readings = read_all(self, trials, np.random.default_rng(seed), threads=threads)[::-1]
+        for i in range(len(trials)):
             tell("writing recordings", 0.2 + 0.8 * i / len(trials))
-            yield then(self._taken(read))
+            yield then(self._taken(readings.pop()))
 
     def _taken(self, read: ElbowReadings) -> Taken:
         columns = self.streams()

@@ -57,7 +57,7 @@ def identify_robot(robot: ElbowRig, *, seed: int = 1) -> tuple[SliderFit, Cards]
     """
     protocols = ("constant_velocity", "swept_sine", "slow", "reversals")
     identification = tuple(trial for trial in trials(robot) if trial.protocol in protocols)
-    config, recordings, _ = record_in_memory(robot, identification, seed=seed)
+    config, recordings, _ = record_in_memory(robot, identification, seed=seed, keep=lambda taken: None)
     fit = fit_slider(config, recordings)
     return fit, {method: slider_card(config, fit, estimate) for method, estimate in fit.estimates.items()}
 

@@ -201,7 +201,11 @@ def simulate_session(
             if law is not None:
                 q, v, a, load = (output[i][::FELT_SAMPLE_PERIODS] for i in (0, 1, 2, 4))
                 expected = update_expected_load(expected, load_regressor(q, v, a, width), load, rig["learning"])
-    signals = {name: np.concatenate([output[i] for output in outputs]) for i, name in enumerate(SIGNAL_NAMES)}
+    signals = {}
+    for i, name in enumerate(SIGNAL_NAMES):
+        signals[name] = np.concatenate([output[i] for output in outputs])
+        # A movement's part is released once it is joined, which halves the memory of a session.
+        outputs = [(*output[:i], None, *output[i + 1 :]) for output in outputs]
     return PointingSession(person, condition, fs, np.concatenate(targets), signals, tuple(movements), arm.fault)
 
 
