@@ -38,14 +38,24 @@ def stride(seconds=12.0, seed=0, name="fitted"):
     return TorqueTrial(name, "knee", time, envelopes, {"knee": 0.5 * np.sin(phase)}, torque)
 
 
-def card(trials):
+def card(trials, left_out_errors=None):
     channels = tuple(
         EstimatorChannel(m, 1.0, 0.0, 2.0 * max(float(t.envelopes[m].max()) for t in trials)) for m in WEIGHTS
     )
     terms = tuple(EstimatorTerm(w, f"emg.{m}") for m, w in WEIGHTS.items())
     joint = EstimatorJoint("knee", 0.0, 0.0, 0.0, 100.0, terms)
     made = EmgEstimatorCard("s", "emg_knee_ridge", channels, ("knee",), (), (joint,), 1.0 / FS, 12.0)
-    return add_channel_watch(made, {"knee": trials})
+    return add_channel_watch(made, {"knee": trials}, left_out_errors)
+
+
+def test_the_interval_follows_from_samples_that_were_left_out_of_the_fit():
+    trials = [stride()]
+    known, fitted = card(trials, {"knee": 2.5}), card(trials)
+    assert known.watch.errors == (2.5,)
+    assert replace(known, watch=replace(known.watch, errors=fitted.watch.errors)) == fitted
+    first = {m: float(x[0]) for m, x in trials[0].envelopes.items()}
+    made = LiveTorque(known).step(1.0, first, {"knee": float(trials[0].angles["knee"][0])})
+    assert made.half_width["knee"] == pytest.approx(WATCH_DEFAULTS.band_quantile * 2.5 * made.widening)
 
 
 @pytest.fixture(scope="module")

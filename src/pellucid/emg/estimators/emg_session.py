@@ -659,7 +659,11 @@ class SessionWatch:
         return TorqueTrial("live", self._joints[0], time, envelopes, angles, np.zeros(n))
 
 
-def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[TorqueTrial]]) -> EmgEstimatorCard:
+def add_channel_watch(
+    card: EmgEstimatorCard,
+    trials: Mapping[str, Sequence[TorqueTrial]],
+    left_out_errors: Mapping[str, float] | None = None,
+) -> EmgEstimatorCard:
     """Return the card with a watch of its channels.
 
     Parameters
@@ -668,6 +672,9 @@ def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[Torq
         Estimator that was calibrated on the trials.
     trials : mapping of str to sequence of TorqueTrial
         Fitted trials of each of its joints: the same recordings in the same order.
+    left_out_errors : mapping of str to float, optional
+        RMSE of each joint's torque on fitted samples that were left out of the fit [N m], from which the interval of
+        the torque follows. Otherwise it follows from samples that were fitted, and is too narrow.
 
     Returns
     -------
@@ -712,6 +719,8 @@ def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[Torq
     angles = tuple(
         WatchedAngle(float(least[0]), float(most[0]), float(least[1]), float(most[1])) for least, most in ends
     )
+    if left_out_errors is not None:
+        errors = tuple(left_out_errors[joint.name] for joint in card.joints)
     return replace(card, watch=EstimatorWatch(channels, angles, residual=residual, errors=errors))
 
 

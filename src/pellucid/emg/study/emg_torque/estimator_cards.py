@@ -136,13 +136,15 @@ def estimator_cards(
             card = muscle_estimator(study, name, muscles, {joint: trials})
         else:
             card = map_estimator(study, name, fit, trials)
-        cards[name] = add_channel_watch(card, {joint: trials})
+        left_out = fit.residual_sd if isinstance(fit, HillMap) else fit.choice.score.rmse
+        cards[name] = add_channel_watch(card, {joint: trials}, {joint: left_out})
     # With raw EMG, muscles over all joints were fitted to zero-phase envelopes. They then get no card.
     if together is not None and chain == "none":
         fitted = {joint: [t for t in own if not t.heldout] for joint, own in found.across.items()}
         name = "emg_together_hill"
         card = muscle_estimator(study, name, together.fit.card_content(), fitted, ACROSS_JOINTS_NOTES)
-        cards[name] = add_channel_watch(card, fitted)
+        left_out = {joint: found.rmse for joint, found in together.fit.choice.scores.items()}
+        cards[name] = add_channel_watch(card, fitted, left_out)
     return cards
 
 
