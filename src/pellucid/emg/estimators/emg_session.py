@@ -673,8 +673,8 @@ def add_channel_watch(
     trials : mapping of str to sequence of TorqueTrial
         Fitted trials of each of its joints: the same recordings in the same order.
     left_out_errors : mapping of str to float, optional
-        RMSE of each joint's torque on fitted samples that were left out of the fit [N m], from which the interval of
-        the torque follows. Otherwise it follows from samples that were fitted, and is too narrow.
+        RMSE of each joint's torque in cross-validation [N m], from which the interval of the torque follows. Otherwise
+        it follows from samples that were fitted, and is too narrow.
 
     Returns
     -------

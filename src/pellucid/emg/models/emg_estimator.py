@@ -139,7 +139,7 @@ class EstimatorWatch:
     max_loss: float = WATCH_DEFAULTS.named_loss  # Share of the torque's variance at which a channel has changed
     # Share of the torque's variance that the calibration leaves unexplained, of the joint that is best; 0: not known
     residual: float = 0.0
-    # RMSE of each joint's torque on fitted samples that were left out of the fit [N m]; empty: not known
+    # RMSE of each joint's torque in cross-validation [N m]; empty: not known
     errors: tuple[float, ...] = ()
 
 
