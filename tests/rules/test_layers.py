@@ -51,6 +51,7 @@ DOORS = {
     ("orthosis", "controllers.study.rig_instruments"): "the law of a worn orthosis is supervised",
     ("orthosis", "controllers.worn"): "the law of a worn orthosis is designed in one place",
     ("orthosis", "emg.estimators.causal_map"): "coupling: the wearer's torque is mapped from raw EMG",
+    ("orthosis", "emg.estimators.condition_choice"): "loaded swings: estimators of torque are tested",
     ("orthosis", "emg.estimators.cross_validation"): "loaded swings: estimators of torque are scored",
     ("orthosis", "emg.estimators.families"): "loaded swings: estimators of torque are fitted",
     ("orthosis", "emg.estimators.hill"): "loaded swings: estimators of torque are fitted",

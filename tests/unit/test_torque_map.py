@@ -1,5 +1,8 @@
 """Torque maps: ridge in closed form, features, folds that do not leak, selection within what is fitted."""
 
+import pickle
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +11,7 @@ from made_muscles import trial as muscle_trial
 
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.emg.estimators import adaptive_correction, torque_map
+from pellucid.emg.estimators.condition_choice import Examination
 from pellucid.emg.estimators.cross_validation import block_folds, grouped_folds, score
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.families.family import Family
@@ -297,3 +301,12 @@ def test_an_estimator_that_corrects_another_takes_over_its_fit(monkeypatch):
     assert corrected.base is base
     for each in (first, corrected):
         assert np.array_equal(each.predict(trials[0]), alone.predict(trials[0]))
+
+
+def test_a_process_that_fits_maps_imports_nothing_of_studies():
+    jobs = [MapJob([muscle_trial(seconds=2.0)], "ridge", False, Examination((), False))]
+    code = "import pickle, sys; pickle.load(sys.stdin.buffer); print(*(m for m in sys.modules if '.study' in m))"
+    made = subprocess.run(
+        [sys.executable, "-c", code], input=pickle.dumps((torque_map._run_jobs, jobs)), capture_output=True, check=True
+    )
+    assert made.stdout.strip() == b""

@@ -36,7 +36,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ..fit.muscle_calibration import MuscleProblem, solve_calibration
 from .adaptive_correction import UncoupledMap, uncouple_trial
-from .cross_validation import block_folds
+from .cross_validation import apply_useful_repairs, block_folds
 from .families import ESTIMATOR_FAMILIES, STACKED
 from .hill import HillMap
 from .muscle_trials import count_warm_up_samples, make_muscle_samples
@@ -377,6 +377,32 @@ def run_condition_tests(fit: Any, trials: Sequence[TorqueTrial]) -> ConditionTes
     return _report_errors(
         [test.words for test in tests], errors, weights, shares, band_errors, band_weights, conditions
     )
+
+
+def run_tests_if_candidate(fit: Any, trials: Sequence[TorqueTrial]) -> ConditionTestErrors | None:
+    """Return the condition tests of a fitted estimator; None for one that may not be recommended."""
+    return run_condition_tests(fit, trials) if is_candidate(fit.name) else None
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """Function of a fitted map, run in the process that fitted it: its condition tests and its predictions.
+
+    It is defined beside the estimators, so that a process which fits maps imports nothing of studies.
+    """
+
+    judged: tuple[tuple[TorqueTrial, TorqueTrial], ...]  # Held-out trials as recorded and with all repairs
+    causal: bool  # Whether the map is causal; condition tests are then omitted
+
+    def __call__(
+        self, fit: Any, fitted: Sequence[TorqueTrial]
+    ) -> tuple[ConditionTestErrors | None, dict[str, tuple[TorqueTrial, tuple[str, ...], np.ndarray]]]:
+        """Return the condition tests, and by held-out trial the trial as used, its repaired muscles and its torque."""
+        away, predicted = None if self.causal else run_tests_if_candidate(fit, fitted), {}
+        for recorded, repaired in self.judged:
+            trial, muscles = apply_useful_repairs(fit.predict, fitted, recorded, repaired)
+            predicted[recorded.name] = trial, muscles, fit.predict(trial)
+        return away, predicted
 
 
 def find_error_band(errors: Sequence[np.ndarray]) -> float:

@@ -32,8 +32,8 @@ from ....study.procedures.findings import MAX_IMPROVING_STEPS
 from ....study.procedures.procedure import CostedSteps, Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.study import Study
-from ...estimators.condition_choice import ERROR_BAND, ConditionTestErrors
-from ...estimators.cross_validation import Score, apply_useful_repairs, score
+from ...estimators.condition_choice import ERROR_BAND, Examination, run_tests_if_candidate
+from ...estimators.cross_validation import Score, score
 from ...estimators.emg_worth import EmgWorth
 from ...estimators.families import ESTIMATOR_FAMILIES, STACKED, named_family
 from ...estimators.hill import HillMap
@@ -124,7 +124,7 @@ def _evaluate_trials(
         trials,
         names,
         on_progress=lambda text, share: tell(f"{what}, {text}", share),
-        examine=findings.run_tests_if_candidate,
+        examine=run_tests_if_candidate,
     )
     own = _left_out_evaluations(results, trials, what, kind, unit=unit)
     found.evaluated.extend(own)
@@ -429,7 +429,7 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
         joint: tuple(zip(parts[joint][1], (t for t in own if t.heldout), strict=True))
         for joint, own in found.across.items()
     }
-    examine = {run: _Examination(judged[run[0]], run[2]) for run in runs}
+    examine = {run: Examination(judged[run[0]], run[2]) for run in runs}
     fits = {run: (fit, examine[run](fit, parts[run[0]][0])) for run, (fit, _) in fits.items()}
     jobs = [MapJob(parts[joint][0], name, causal, examine[joint, name, causal]) for joint, name, causal in scored]
     fits |= _fit_runs(scored, jobs, tell, len(watching), len(runs))
@@ -507,23 +507,6 @@ def _together(parts: Iterable[np.ndarray]) -> np.ndarray:
     return np.concatenate([np.atleast_1d(part) for part in parts])
 
 
-@dataclass(frozen=True, eq=False)
-class _Examination:
-    """Function of a fitted map, run in the process that fitted it: its condition tests and its predictions."""
-
-    judged: tuple[tuple[TorqueTrial, TorqueTrial], ...]  # Held-out trials as recorded and with all repairs
-    causal: bool  # Whether the map is causal; condition tests are then omitted
-
-    def __call__(
-        self, fit: Any, fitted: Sequence[TorqueTrial]
-    ) -> tuple[ConditionTestErrors | None, dict[str, tuple[TorqueTrial, tuple[str, ...], np.ndarray]]]:
-        away, predicted = None if self.causal else findings.run_tests_if_candidate(fit, fitted), {}
-        for recorded, repaired in self.judged:
-            trial, muscles = apply_useful_repairs(fit.predict, fitted, recorded, repaired)
-            predicted[recorded.name] = trial, muscles, fit.predict(trial)
-        return away, predicted
-
-
 def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings:
     """Score every estimator on torque steps against an orthosis by cross-validation over repetitions."""
     steps = [recording for recording in study.recordings() if recording.protocol == STEP_PROTOCOL]
@@ -542,7 +525,7 @@ def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings
                 names,
                 causal=causal,
                 on_progress=lambda text, share, b=base, s=span, p=person: tell(f"{p}, {text}", b + s * share),
-                examine=None if causal else findings.run_tests_if_candidate,
+                examine=None if causal else run_tests_if_candidate,
             )
             own = _left_out_evaluations(results, trials, what, "steps", causal=causal)
             found.evaluated.extend(own)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -150,7 +151,11 @@ def _evaluate_fits(
     # Without held-out recordings, each group of trials is predicted by muscles fitted to the others.
     left_out = () if names else next(iter(fitted.values()))
     runs = [(how, out) for how in FIT_WORDS for out in (None, *dict.fromkeys(t.group for t in left_out))]
-    found = results_with_helpers([(_fit_without_group, fitted, how, out) for how, out in runs], begun=begun)
+    # A process that fits muscles needs nothing of studies, and imports nothing of them.
+    jobs = [
+        (partial(fit_together, _without_group(fitted, out), offset=how == OFFSET_FIT),) for how, out in runs
+    ]
+    found = results_with_helpers(jobs, begun=begun)
     by_run = dict(zip(runs, found, strict=True))
     fits = {how: by_run[how, None] for how in FIT_WORDS}
     scores, shown = [], {}
@@ -217,10 +222,9 @@ def _add_posterior(found: TogetherFindings, across: Mapping[str, Sequence[Torque
     return replace(found, posterior=posterior, beside=(*found.beside, *scores))
 
 
-def _fit_without_group(fitted: Mapping[str, Sequence[TorqueTrial]], how: str, out: str | None) -> HillTogether:
-    """Fit the muscles of all joints to all trials except those of the group `out`."""
-    others = {joint: [t for t in own if t.group != out] for joint, own in fitted.items()}
-    return fit_together(others, offset=how == OFFSET_FIT)
+def _without_group(fitted: Mapping[str, Sequence[TorqueTrial]], out: str | None) -> dict[str, list[TorqueTrial]]:
+    """Return the trials of all joints except those of the group `out`."""
+    return {joint: [t for t in own if t.group != out] for joint, own in fitted.items()}
 
 
 def _joint_words(joints: Sequence[str]) -> str:

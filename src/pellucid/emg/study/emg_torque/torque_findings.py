@@ -34,10 +34,8 @@ from ...estimators.condition_choice import (
     Recommendation,
     combine_tests,
     find_extrapolator,
-    is_candidate,
     predict_without_each_test,
     recommend,
-    run_condition_tests,
 )
 from ...estimators.cross_validation import Score, score
 from ...estimators.emg_session import ChannelComparison
@@ -196,11 +194,6 @@ class RecommendedEstimator:
             if weight >= MIN_NAMED_WEIGHT
         ]
         return f"a {words} ({', '.join(parts)})"
-
-
-def run_tests_if_candidate(fit: object, trials: Sequence[TorqueTrial]) -> ConditionTestErrors | None:
-    """Return the condition tests of a fitted estimator; None for one that may not be recommended."""
-    return run_condition_tests(fit, trials) if is_candidate(fit.name) else None
 
 
 def recommend_estimator(

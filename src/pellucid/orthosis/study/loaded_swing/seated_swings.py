@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...._errors import IdentificationError
+from ....emg.estimators.condition_choice import run_tests_if_candidate
 from ....emg.estimators.cross_validation import score
 from ....emg.estimators.families import ESTIMATOR_FAMILIES
 from ....emg.estimators.hill import HillMap
@@ -27,7 +28,6 @@ from ....emg.study.emg_torque.torque_findings import (
     TorqueTrace,
     find_applicable_estimators,
     partial_errors,
-    run_tests_if_candidate,
 )
 from ....emg.study.emg_torque.trial_sources import TorqueEvaluation
 from ....emg.study.muscle_channels import study_chain
