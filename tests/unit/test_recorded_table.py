@@ -1,6 +1,7 @@
 """A stored table without rows keeps no sample of the table that it was made of."""
 
 import numpy as np
+
 from pellucid_lab.recorded_table import Column, StoredTable
 
 

@@ -240,7 +240,10 @@ def least_squares_within(
     from scipy.optimize import lsq_linear  # imported late, because checking a study does not need it
 
     tolerance = {"trf": 1e-12, "bvls": 1e-14}[method]
-    found = lsq_linear(w / scale, y, bounds=(lower * scale, upper * scale), method=method, tol=tolerance)
+    # The triangular factor has the same residuals as all rows, and as many rows as unknowns.
+    factor = np.linalg.qr(np.column_stack([w / scale, y]), mode="r")
+    bounds = lower * scale, upper * scale
+    found = lsq_linear(factor[:, :-1], factor[:, -1], bounds=bounds, method=method, tol=tolerance)
     return np.clip(found.x / scale, lower, upper)
 
 

@@ -28,6 +28,7 @@ from ...models.friction_terms import STRIBECK_VELOCITY
 from ...models.joint import GRAVITY, PARAMETER_INDEX, SYMBOLS_BY_NAME, JointModel
 from ...numerics.motion import Motion
 from ...numerics.regression import reduce_motions, regression_rows
+from ...numerics.searches.linear_program import largest_within
 from ...numerics.uncertainty import sandwich_covariance
 
 MIN_PAYLOAD_Z = 3.0
@@ -192,8 +193,6 @@ def carried_friction(
 ) -> Mapping[str, float]:
     """Coefficients that are carried, of those found, `names` and `values` (p,), which make friction by `terms` (k, p);
     `drawn` (n, k) is what the true friction may be."""
-    from scipy.optimize import linprog
-
     found = np.maximum(np.asarray(values, float), 0.0)
     middle, spread = drawn.mean(axis=0), drawn.std(axis=0)
     if not len(found):
@@ -203,9 +202,7 @@ def carried_friction(
     if unsure.any():
         beyond = np.max((middle - drawn)[:, unsure] / spread[unsure], axis=1)
         least = middle - np.quantile(beyond, 1.0 - FRICTION_DRAWS.exceedance_probability) * spread
-    bounds = [(0.0, x) for x in found]
-    made = linprog(-terms.sum(axis=0), A_ub=terms, b_ub=np.maximum(least, 0.0), bounds=bounds, method="highs")
-    carried = np.zeros(len(names)) if made.x is None else np.clip(made.x, 0.0, found)
+    carried = largest_within(terms.sum(axis=0), terms, np.maximum(least, 0.0), found)
     return dict(zip(names, map(float, carried), strict=True))
 
 
