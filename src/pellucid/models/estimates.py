@@ -8,7 +8,8 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from math import isnan
+from math import isnan, nextafter
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,9 +86,7 @@ class Parameter:
         """Return the confidence interval at `level`, a share between 0 and 1, in the parameter's unit."""
         if not 0.0 < level < 1.0:
             raise PellucidError(f"interval: found level={level!r}, expected a share between 0 and 1, such as 0.95")
-        from scipy.special import ndtri
-
-        half = float(ndtri(0.5 + level / 2.0)) * self.standard_error
+        half = NormalDist().inv_cdf(min(0.5 + level / 2.0, nextafter(1.0, 0.0))) * self.standard_error
         return self.value - half, self.value + half
 
     def sentence(self, level: float = 0.95) -> str:

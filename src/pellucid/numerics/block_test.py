@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .distributions import normal_share_below
 from .uncertainty import correlation_length
 
 SIGNIFICANCE_LEVEL = 0.05
@@ -103,12 +104,10 @@ def sign_flip_p_value(sums: np.ndarray) -> float:
 
     It is the share of all choices of signs whose total is no smaller than the observed one.
     """
-    from scipy.special import ndtr
-
     total, count = float(sums.sum()), len(sums)
     if count > MAX_ENUMERATED_BLOCKS:
         spread = float(np.linalg.norm(sums))
-        return float(ndtr(-total / spread)) if spread else 1.0
+        return normal_share_below(-total / spread) if spread else 1.0
     signs = 1.0 - 2.0 * ((np.arange(2**count)[:, None] >> np.arange(count)) & 1)
     return float(np.mean(signs @ sums >= total - 1e-9 * np.abs(sums).sum()))
 

@@ -42,6 +42,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.estimates import Whiteness
+from .distributions import chi_square_tail
 from .regression import column_norms
 
 
@@ -274,8 +275,6 @@ def block_bootstrap(
 @np.errstate(over="ignore", invalid="ignore")
 def whiteness(residual: np.ndarray, lengths: Sequence[int], lags: int = 20) -> Whiteness:
     """Apply the Ljung-Box test to a residual, (m,), pooled over stretches; NaN if nothing is left to test."""
-    from scipy.special import chdtrc
-
     ends = np.cumsum(lengths)
     parts = [residual[e - n : e] for e, n in zip(ends, lengths, strict=True) if n > lags + 1]
     nothing = Whiteness(float("nan"), float("nan"), float("nan"), lags, float("nan"))
@@ -292,7 +291,7 @@ def whiteness(residual: np.ndarray, lengths: Sequence[int], lags: int = 20) -> W
     # The sum ends at the first autocorrelation that is not positive; later ones are mostly noise.
     positive = rho[: int(np.argmax(rho <= 0.0))] if np.any(rho <= 0.0) else rho
     share = float(1.0 / (1.0 + 2.0 * positive.sum()))
-    return Whiteness(float(rho[0]), statistic, float(chdtrc(lags, statistic)), lags, share)
+    return Whiteness(float(rho[0]), statistic, chi_square_tail(lags, statistic), lags, share)
 
 
 def correlation_length(misfit: np.ndarray) -> float:

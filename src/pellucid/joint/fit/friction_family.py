@@ -16,6 +16,7 @@ from ..._errors import IdentificationError
 from ...models.estimates import UNDETERMINED_REASON, Parameter
 from ...models.friction_terms import shape_index, shaped_by
 from ...models.joint import SYMBOLS_BY_NAME, JointModel
+from ...numerics.distributions import normal_quantile
 from ...numerics.motion import Motion
 from ...numerics.regression import Solution, Stack, stack
 from .estimators import SolvedMethod, solve_didim, solve_instrumental, solve_output_error
@@ -359,8 +360,6 @@ def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -
     between recordings does not count against it.
     """
     names, added = [p.name for p in estimate.parameters], {}
-    from scipy.special import ndtri  # SciPy takes a third of a second to load, and `check` chooses no family
-
     between = estimate.between_recordings
     covariance = estimate.covariance - (between.covariance if between is not None else 0.0)
     shape = shape_index(names)
@@ -377,7 +376,7 @@ def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -
                 variance = covariance[i, i] + covariance[k, k] - 2.0 * covariance[i, k]
                 apart = abs(parameter.value - estimate.parameters[k].value)
                 label = f"the difference of {stem.replace('_', ' ')} between {one[1:]} and {other[1:]}"
-                added[label] = bool(apart > float(ndtri(0.5 + 0.5 * level)) * np.sqrt(max(variance, 0.0)))
+                added[label] = bool(apart > normal_quantile(0.5 + 0.5 * level) * np.sqrt(max(variance, 0.0)))
             break
         else:
             added[name.replace("_", " ")] = is_told_from_zero(
@@ -388,10 +387,8 @@ def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -
 
 def is_told_from_zero(parameter: Parameter, level: float) -> bool:
     """Return whether a parameter differs from 0 at a confidence `level`: above 0 alone where it cannot be negative."""
-    from scipy.special import ndtri
-
     if parameter.at_bound or parameter.undetermined or not 0.0 < parameter.standard_error < np.inf:
         return False
     if SYMBOLS_BY_NAME[parameter.name].lower >= 0.0:
-        return bool(parameter.value > float(ndtri(level)) * parameter.standard_error)
-    return bool(abs(parameter.value) > float(ndtri(0.5 + 0.5 * level)) * parameter.standard_error)
+        return bool(parameter.value > normal_quantile(level) * parameter.standard_error)
+    return bool(abs(parameter.value) > normal_quantile(0.5 + 0.5 * level) * parameter.standard_error)

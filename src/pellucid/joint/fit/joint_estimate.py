@@ -18,6 +18,7 @@ from ...models.estimates import Estimates, Whiteness
 from ...models.joint import UNITS, JointModel
 from ...models.simulate import JointTrace, LoopSetting, simulate
 from ...numerics.arguments import number
+from ...numerics.distributions import normal_quantile
 from ...numerics.motion import Filtering, Motion, motion_of
 from ...numerics.regression import (
     Solution,
@@ -364,9 +365,7 @@ def widen_for_others(estimate: JointEstimate, others: Sequence[JointEstimate]) -
     body alone, because its friction terms share what one term of this family stands for. Values on a bound and
     undetermined ones count for nothing.
     """
-    from scipy.special import ndtri
-
-    times, added = float(ndtri(0.5 + 0.5 * estimate.confidence)), np.zeros(len(estimate.parameters))
+    times, added = normal_quantile(0.5 + 0.5 * estimate.confidence), np.zeros(len(estimate.parameters))
     for i, own in enumerate(estimate.parameters):
         compared = [
             other[own.name]

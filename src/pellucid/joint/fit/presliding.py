@@ -31,6 +31,7 @@ from ...models.filtered_dynamics import SMOOTH_TERMS, regressor
 from ...models.friction_terms import STRIBECK_FRICTION, STRIBECK_VELOCITY, grows_with_load
 from ...models.joint import NAMES, PARAMETER_FIELDS, PARAMETER_INDEX, UNITS, JointModel
 from ...numerics.block_test import SIGNIFICANCE_LEVEL, p_value_of_larger_loss
+from ...numerics.distributions import normal_quantile
 from ...numerics.filters import local_cubic
 from ...numerics.motion import Motion
 
@@ -126,8 +127,6 @@ def estimate_presliding(
     A `model` that slips at once, with `values`, (p,), gives the terms of the friction level and the payloads' effort.
     The interval is at `level`.
     """
-    from scipy.special import ndtri
-
     resolution = position_resolution(fitted)
     top = min(
         PRESLIDING_SEARCH.max_travel,
@@ -184,7 +183,7 @@ def estimate_presliding(
         )
     if p_value > SIGNIFICANCE_LEVEL:
         return Presliding(why="a model without presliding predicts the effort equally well", **told)
-    drawn_anew = max(high - found, found - low) / float(ndtri(0.5 + 0.5 * level))
+    drawn_anew = max(high - found, found - low) / normal_quantile(0.5 + 0.5 * level)
     error = float(np.hypot(PRESLIDING_SEARCH.bootstrap_error_factor * drawn_anew, max(abs(x - found) for x in simpler)))
     return Presliding(Parameter("presliding_travel", UNITS[model.motion]["position"], found, error), **told)
 

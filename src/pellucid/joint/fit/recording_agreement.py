@@ -31,6 +31,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.joint import GRAVITY, SYMBOLS_BY_NAME, JointModel
 from ...numerics.block_test import MIN_IMPROVEMENT, compare_held_out
+from ...numerics.distributions import chi_square_tail, normal_quantile
 from ...numerics.motion import Motion
 from ...numerics.regression import Solution, Stack, nearest_feasible, reduce_motions, regression_rows, stack
 from ...numerics.uncertainty import correlation_length, sandwich_covariance
@@ -198,8 +199,6 @@ def find_parameter_drift(
 
     Parameters that have no effect do not drift. `level` is the confidence level for all parameters together.
     """
-    from scipy.special import ndtri
-
     share = [share_of_time(m, data.motions) for m in data.motions]
     step = max(1, -(-len(found.residual) // MAX_ROWS))
     ends = np.cumsum(data.lengths)[:-1]
@@ -231,7 +230,7 @@ def find_parameter_drift(
     change, error = np.zeros(len(names)), np.full(len(names), np.inf)
     change[free] = (steps / scale)[p:]
     error[free] = np.sqrt(np.maximum(np.diag(covariance), 0.0))[p:] / scale[p:]
-    times = float(ndtri(1.0 - 0.5 * (1.0 - level) / p))
+    times = normal_quantile(1.0 - 0.5 * (1.0 - level) / p)
     told = (np.abs(change) > times * error) & (improvement >= MIN_IMPROVEMENT)
     return ParameterDrift(tuple(names), change, error, told, improvement)
 
@@ -491,8 +490,6 @@ def find_recording_drift(
     effect do not differ. `level` is the confidence level for all parameters
     together. Returns None where fewer than two recordings determine their parameters.
     """
-    from scipy.special import chdtrc
-
     owner = [m.recording for m in data.motions]
     if len(set(owner)) < 2:
         return None
@@ -522,7 +519,7 @@ def find_recording_drift(
     usual = precision.sum(axis=0) - (precision**2).sum(axis=0) / precision.sum(axis=0)
     between = np.sqrt(np.maximum(excess - (len(parts) - 1), 0.0) / usual)
     improvement = _improvement(parts)
-    p_values = chdtrc(len(parts) - 1, excess)
+    p_values = np.array([chi_square_tail(len(parts) - 1, each) for each in excess])
     values = np.tile(found.values, (len(parts), 1))
     values[:, free] += own
     spread, told = np.zeros(len(names)), np.zeros(len(names), bool)
@@ -573,14 +570,12 @@ def require_possible_mass(
     inertia that exceeds the estimated one by more than the interval of their difference at `level`. A limit that is
     enforced all the same falsifies gravity and friction.
     """
-    from scipy.special import ndtri  # takes a third of a second to load
-
     at, least = model.names.index("inertia"), least_inertia(model, values, mass)
     of_gravity = np.array([name in GRAVITY_NAMES for name in model.names])
     slope = np.where(of_gravity, -2.0 * values / (mass * GRAVITY**2), 0.0)
     slope[at] = 1.0
     missing = least - values[at]
-    if missing <= float(ndtri(0.5 + 0.5 * level)) * np.sqrt(slope @ covariance @ slope):
+    if missing <= normal_quantile(0.5 + 0.5 * level) * np.sqrt(slope @ covariance @ slope):
         return
     expected = f"at least {mass * least / values[at]:.3g} kg" if values[at] > 0.0 else "a larger one"
     raise StatedValueError(

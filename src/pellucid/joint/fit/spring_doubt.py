@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.joint import PARALLEL_STIFFNESS, JointModel
+from ...numerics.distributions import normal_share_below
 from ...numerics.motion import Motion
 from ...numerics.regression import Solution, Stack
 from .discrepancy import States
@@ -90,9 +91,7 @@ def find_spring_doubt(model: JointModel, data: Stack[Motion], found: Solution, s
 
 def _hidden_moment(estimate: float, error: float, usual: float, independent: float) -> float:
     """Return the second moment of the stiffness of a spring that was not found, by so many `independent` samples."""
-    from scipy.special import ndtr
-
     weight = usual**2 / (usual**2 + error**2)
     least = max(SPRING_SETTINGS.found_standard_errors, np.sqrt(SPRING_SETTINGS.min_saved_share * independent))
-    missed = float(ndtr(least - usual / max(error, np.finfo(float).tiny)))
+    missed = normal_share_below(least - usual / max(error, np.finfo(float).tiny))
     return SPRING_SETTINGS.usual_probability * missed * ((weight * estimate) ** 2 + weight * error**2)

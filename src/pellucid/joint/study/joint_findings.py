@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtri
 
 from ..._errors import IdentificationError
 from ...files.defects import worn
@@ -17,6 +16,7 @@ from ...models.fields import largest_friction, model_fields
 from ...models.friction_terms import LOAD_FEATURE, TERMS, features_of, grows_with_load
 from ...models.joint import GRAVITY, PARALLEL_STIFFNESS, JointModel
 from ...numerics.block_test import SIGNIFICANCE_LEVEL, count_independent_samples
+from ...numerics.distributions import normal_quantile
 from ...numerics.regression import stack
 from ...numerics.spring_evidence import (
     MAX_SPRING_UNEXPLAINED_SHARE,
@@ -179,7 +179,7 @@ def report_angle_zero(case: JointCase) -> Iterator[Verdict]:
         < max(MIN_ZERO_ERROR_RAD, FINDING_THRESHOLDS.min_zero_standard_errors * found.standard_error)
     ):
         return
-    half = float(np.degrees(ndtri(0.5 + 0.5 * case.level) * found.standard_error))
+    half = float(np.degrees(normal_quantile(0.5 + 0.5 * case.level) * found.standard_error))
     at = f"the joint hangs at an encoder angle of {-np.degrees(found.angle):.1f} ± {half:.1f} deg"
     if case.study.model.gravity == "sine+cosine":
         text = f"The zero of the angle is free, as study.toml asks, and {at}"
@@ -287,7 +287,7 @@ def _disagreements(case: JointCase) -> tuple[Disagreement, ...]:
 
 
 def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float, payload: str | None) -> Verdict:
-    times = float(ndtri(0.5 + 0.5 * case.level))
+    times = normal_quantile(0.5 + 0.5 * case.level)
 
     def text(name: str, value: tuple[float, float]) -> str:
         unit = unit_text(case.fit.model.unit(name))
@@ -463,7 +463,7 @@ def _disagreeing_methods(parameter: Parameter, estimates: dict[str, JointEstimat
     if parameter.at_bound:
         return []
     count = max(1, sum(len(e.parameters) for m, e in estimates.items() if m != "ls"))
-    times = float(ndtri(1.0 - 0.5 * (1.0 - level) / count))
+    times = normal_quantile(1.0 - 0.5 * (1.0 - level) / count)
     found = []
     for method, estimate in estimates.items():
         other = estimate.get(parameter.name)
