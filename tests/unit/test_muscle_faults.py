@@ -83,6 +83,16 @@ def test_muscles_are_passed_over_where_nothing_is_known_of_them():
     assert "no lengths of muscles across the knee" in found.passed_over["knee"]
 
 
+def test_an_artefact_of_one_person_does_not_refuse_the_others():
+    found, spoilt = CalibrationFindings(), changed(trial(), "vastus_medialis", lambda x: 40.0 * x)
+    with pytest.raises(RecordingError, match="relative to a maximal contraction"):
+        find_applicable_estimators([spoilt], "A", found)
+    names = find_applicable_estimators([spoilt], "A", found, is_one_of_several=True)
+    assert "hill" not in names
+    assert "ridge" in names
+    assert "channel emg.vastus_medialis: found" in found.passed_over["A"]
+
+
 def test_envelopes_in_volts_are_told():
     made = trial()
     volts = replace(made, muscles=replace(made.muscles, relative=False))

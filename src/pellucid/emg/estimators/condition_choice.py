@@ -388,7 +388,7 @@ def run_tests_if_candidate(fit: Any, trials: Sequence[TorqueTrial]) -> Condition
 class Examination:
     """Function of a fitted map, run in the process that fitted it: its condition tests and its predictions.
 
-    It is defined beside the estimators, so that a process which fits maps imports nothing of studies.
+    It is part of the estimators, so that a process which fits maps imports nothing of studies.
     """
 
     judged: tuple[tuple[TorqueTrial, TorqueTrial], ...]  # Held-out trials as recorded and with all repairs

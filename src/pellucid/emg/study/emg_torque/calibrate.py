@@ -93,7 +93,10 @@ def leave_out_repetitions(study: Study, tell: Progress) -> CalibrationFindings:
     people = list(dict.fromkeys(r.participant for r in study.recordings() if r.protocol == EXTENSION_PROTOCOL))
     for i, person in enumerate(people):
         trials, weight = leg_extension_trials(study, person)
-        _evaluate_trials(found, trials, person or "knee", "normalised", weight, _part_progress(tell, i, len(people)))
+        progress = _part_progress(tell, i, len(people))
+        _evaluate_trials(
+            found, trials, person or "knee", "normalised", weight, progress, is_one_of_several=len(people) > 1
+        )
     formula_text = (
         "No torque was recorded. The reference is a formula in the angle and its acceleration, dominated by the sine "
         "of the angle, and a regression on the angle alone reproduces it. A small error is therefore no evidence for "
@@ -111,7 +114,14 @@ def leave_out_repetitions(study: Study, tell: Progress) -> CalibrationFindings:
 
 
 def _evaluate_trials(
-    found: CalibrationFindings, trials: list[TorqueTrial], what: str, kind: str, unit: float, tell: Progress
+    found: CalibrationFindings,
+    trials: list[TorqueTrial],
+    what: str,
+    kind: str,
+    unit: float,
+    tell: Progress,
+    *,
+    is_one_of_several: bool = False,
 ) -> None:
     """Score every estimator by cross-validation over trials; `unit` [N m] divides RMSE. Results go to `found`."""
     if len(trials) < 3:
@@ -119,7 +129,7 @@ def _evaluate_trials(
             f"{what}: found {len(trials)} trials ({', '.join(t.name for t in trials)}), expected at least three for "
             "cross-validation"
         )
-    names = findings.find_applicable_estimators(trials, what, found)
+    names = findings.find_applicable_estimators(trials, what, found, is_one_of_several=is_one_of_several)
     results = cross_validate_torque_maps(
         trials,
         names,
@@ -519,7 +529,7 @@ def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings
         for causal, names in ((False, REPORTED_ESTIMATORS), (True, CAUSAL_ESTIMATORS)):
             trials = step_trials(study, person, body, causal=causal, joint=joint)
             base, span = (i + 0.8 * causal) / len(people), (0.2 if causal else 0.8) / len(people)
-            names = findings.find_applicable_estimators(trials, what, found, names)
+            names = findings.find_applicable_estimators(trials, what, found, names, is_one_of_several=len(people) > 1)
             results = cross_validate_torque_maps(
                 trials,
                 names,

@@ -22,7 +22,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ...._errors import IdentificationError, listed_names
+from ...._errors import IdentificationError, RecordingError, listed_names
 from ....models.card import CardParameter
 from ....models.estimates import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
@@ -374,17 +374,25 @@ class CalibrationFindings:
 
 
 def find_applicable_estimators(
-    trials: Sequence[TorqueTrial], what: str, found: CalibrationFindings, names: Sequence[str] = REPORTED_ESTIMATORS
+    trials: Sequence[TorqueTrial],
+    what: str,
+    found: CalibrationFindings,
+    names: Sequence[str] = REPORTED_ESTIMATORS,
+    *,
+    is_one_of_several: bool = False,
 ) -> list[str]:
     """Return the estimators that can be fitted to these trials.
 
-    Muscles need a geometry and relative envelopes. The reason is noted if they cannot be fitted.
+    Muscles need a geometry and relative envelopes. The reason is noted if they cannot be fitted. A recording that is
+    unfit for muscles is refused, unless `is_one_of_several` people: the others are calibrated all the same.
     """
     from ...estimators.muscle_trials import find_driven_muscles
 
     try:
         find_driven_muscles(trials)
-    except IdentificationError as error:
+    except (IdentificationError, RecordingError) as error:
+        if isinstance(error, RecordingError) and not is_one_of_several:
+            raise
         found.passed_over[what] = str(error)
         return [name for name in names if ESTIMATOR_FAMILIES[name].fit_trials is None]
     return list(names)
