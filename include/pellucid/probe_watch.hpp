@@ -18,6 +18,9 @@
 //
 // Until there is enough evidence of a fault, the joint is moved by a drive that nobody vouches for. So the way that it
 // goes since drive and encoder were last heard is bounded, too: a drive that is stuck at T gives no more than T times it.
+// The way counts at once, with that of windows that are not whole yet: at the velocity limit a window is most of it.
+// Evidence that nothing answers shortens it.
+//
 // They are heard where the evidence for them, against reversed, doubled and unanswered, has summed up to a log-likelihood
 // ratio of `probe_heard_evidence` over windows (A. Wald, "Sequential tests of statistical hypotheses", Annals of
 // Mathematical Statistics 16, 1945); and before r is known, where the answer is far above what lies between the waves.
@@ -56,8 +59,9 @@ constexpr double probe_known_precision = 8, probe_learning_share = 0.02;
 constexpr double probe_novelty = 6;
 /// Largest noise of a window that is learnt from, beyond the encoder's, relative to the mean square of what is known.
 constexpr double probe_learnt_noise = 1;
-/// Share of a new window in the mean noise.
-constexpr double probe_noise_share = 0.5;
+/// Share of a new window in the mean noise, and the largest mean over what both places show now, each as a multiple of
+/// the encoder's noise there: a blow is no noise of the windows that come after it.
+constexpr double probe_noise_share = 0.5, probe_noise_fall = 10;
 /// Share of a window in which the joint must move: to be judged, and to be learnt from.
 constexpr double probe_judged_share = 0.5, probe_learnt_share = 0.9;
 /// Tolerated loss of response of a joint that stands still in a window, relative to its response while it moves.
@@ -73,6 +77,8 @@ constexpr double probe_loud_answer = 12;
 /// Share of the waves' power that a window must have been asked for, so that its way counts: a law at its limit of
 /// effort leaves the probe no room. The lag of the drive's torque loop alone leaves about a quarter.
 constexpr double probe_asked_share = 0.05;
+/// Largest share of the way that evidence of no answer takes away: one blow can bring half of the evidence of a fault.
+constexpr double probe_doubted_share = 1.0 / 3;
 /// Delays that are looked for: multiples of this one [s], from the second on.
 constexpr double probe_delay_step = 0.004;
 constexpr std::uint32_t probe_delay_count = 5;
@@ -255,10 +261,15 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
     return SafetyFault::none;
   }
   // What lies between the waves, beyond the encoder's noise, is what a wave is disturbed by: the middle one by both.
-  S beside[2];
+  S beside[2], most = S(1);
   for (std::uint32_t k = 0; k < 2; ++k) {
-    const S now = max(square(w.answer[probe_wave_count + k]) - c.floor[probe_wave_count + k], S(0));
-    s.noise[k] = s.noise[k] + S(probe_noise_share) * (now - s.noise[k]);
+    beside[k] = square(w.answer[probe_wave_count + k]);
+    most = max(most, beside[k] / max(c.floor[probe_wave_count + k], S(std::numeric_limits<float>::min())));
+  }
+  for (std::uint32_t k = 0; k < 2; ++k) {
+    const S& floor = c.floor[probe_wave_count + k];
+    const S now = max(beside[k] - floor, S(0)), mean = s.noise[k] + S(probe_noise_share) * (now - s.noise[k]);
+    s.noise[k] = floor > S(0) ? min(mean, S(probe_noise_fall) * most * floor) : mean;
     beside[k] = max(s.noise[k], now);
   }
   const S noise[probe_wave_count] = {beside[0], S(0.5) * (beside[0] + beside[1]), beside[1]};
@@ -321,7 +332,17 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
   return best < 3 ? verdicts[best] : SafetyFault::late_answer;
 }
 
-/// Ends a window: judges it and the way since the drive was heard, and begins the next.
+/// The way since drive and encoder were heard [rad], with that of windows that are not whole yet.
+template <class S> S way_of(const ProbeWatchState<S>& s) noexcept {
+  return s.way + s.window[0].way + s.window[1].way;
+}
+
+/// The way that the joint may go now while its drive is not heard [rad].
+template <class S> S allowed_way(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s) noexcept {
+  return c.params.travel * (S(1) - min(s.sum[2] / c.params.evidence, S(probe_doubted_share)));
+}
+
+/// Ends a window: judges it, and begins the next.
 template <class S>
 SafetyFault end_window(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, std::uint32_t which) noexcept {
   const ProbeWindowState<S> ended = s.window[which];
@@ -329,9 +350,7 @@ SafetyFault end_window(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s
   S asked = S(0);
   for (const ProbePhasor<S>& one : ended.asked) asked = asked + square(one);
   if (asked >= c.asked_least) s.way = s.way + ended.way;
-  const SafetyFault found = judge(c, s, ended);
-  if (found != SafetyFault::none) return found;
-  return s.way <= c.params.travel ? SafetyFault::none : SafetyFault::unanswered;
+  return judge(c, s, ended);
 }
 
 /// One period: the velocity that the encoder shows [rad/s], and the mean effort between its last two readings [N m].
@@ -366,17 +385,19 @@ SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, cons
   for (std::uint32_t i = 0; i <= probe_bin_count; ++i)
     s.phase[i] = times(s.phase[i], ProbePhasor<S>{c.turn[i].cos, c.turn[i].sin});
   ++s.count;
+  SafetyFault found = SafetyFault::none;
   if (s.count == c.params.samples / 2) {
     const bool whole = s.begun != 0;
     s.begun = 1;
-    if (whole) return end_window(c, s, 1);
-    s.window[1] = {};
+    if (whole) found = end_window(c, s, 1);
+    else s.window[1] = {};
   } else if (s.count >= c.params.samples) {
     s.count = 0;
     for (ProbePhasor<S>& one : s.phase) one = {S(1), S(0)};
-    return end_window(c, s, 0);
+    found = end_window(c, s, 0);
   }
-  return SafetyFault::none;
+  if (found != SafetyFault::none) return found;
+  return way_of(s) <= allowed_way(c, s) ? SafetyFault::none : SafetyFault::unanswered;
 }
 
 }  // namespace PELLUCID_ABI

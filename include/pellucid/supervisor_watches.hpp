@@ -203,7 +203,7 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
            {"probe_unanswered", unit::one, W::above, F::unanswered, "evidence that nothing answers the probe"}},
       Show{latest, where(probes, p.probe.evidence),
            {"probe_late", unit::one, W::above, F::late_answer, "evidence that the answer to the probe is late"}},
-      Show{s.probe.way, where(probes, p.probe.travel),
+      Show{way_of(s.probe), where(probes, allowed_way(w.c.probe, s.probe)),
            {"probe_travel", unit::coordinate, W::above, F::unanswered, "way since drive and encoder were heard"}});
 }
 

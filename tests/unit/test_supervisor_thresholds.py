@@ -64,8 +64,8 @@ def test_every_threshold_of_a_joint():
         "joint_expected": 0.0, "joint_tolerance": 0.05, "body_inertia": INERTIA, "body_gravity_sine": 1.2,
         "body_gravity_cosine": 0.9, "body_offset": -0.25, "body_coulomb": LEVEL, "body_load": LOAD,
         "body_viscous": VISCOUS, "body_square_root": ROOT, "body_width": 0.1, "residual_bandwidth": 40.0,
-        "residual_slow": 5.0, "wearer_torque": 20.0 * INERTIA + 0.4 * WEIGHT, "wearer_push": INERTIA * SPEED / 0.1,
-        "force_tolerance": 0.33 + 0.4 * WEIGHT, "force_burst": 3.3 + 0.4 * WEIGHT,
+        "residual_slow": 5.0, "wearer_torque": 27.0 * INERTIA + 0.4 * WEIGHT, "wearer_push": INERTIA * SPEED / 0.1,
+        "force_tolerance": 0.33 + 0.4 * WEIGHT, "force_burst": 4.0 + 0.4 * WEIGHT,
         "force_excess": 0.11 + 0.4 * WEIGHT, "force_expected": 0.0,
         "force_range": math.inf, "force_quiet_samples": 50.0, "muscle_expected": 0.0, "muscle_range": 40.0,
         "muscle_quiet_samples": 50.0, "drive_expected": 0.0, "drive_cycles": 4.0, "drive_tolerance": 0.25,
@@ -74,7 +74,7 @@ def test_every_threshold_of_a_joint():
         "drive_gain": 0.05,
         "drive_offset": 0.05, "drive_forget": 1.0 - math.exp(-1e-4), "push_limit": EFFORT,
         "power_limit": resisted(SPEED) * SPEED + WEIGHT * SPEED, "budget_store": INERTIA * 5.75**2,
-        "budget_power": 0.5, "ringing_limit": 0.575, "ringing_slowest": 20.0, "ringing_fastest": 100.0,
+        "budget_power": 0.5, "ringing_limit": 0.69, "ringing_slowest": 20.0, "ringing_fastest": 100.0,
         "ringing_memory": 3.0, "hold_damping": 2.5, "hold_limit": 1.5 * WEIGHT + REST, "test_effort": wave,
         "test_samples": 32.0, "test_rest": 100.0, "test_least": 0.1 * work,
         "test_most": 2.5 * 2.0 * (wave * 0.032 / math.pi) ** 2 / INERTIA, "degrades": 1.0, "moving_speed": 0.2,
@@ -102,21 +102,21 @@ def test_heavier_limits_of_the_wearer_and_lighter_ones():
     """Shares of the limit of effort count where the joint's own acceleration needs less."""
     light = {"gravity_sine": 0.1, "gravity_cosine": 0.0, "offset": 0.0}
     s = thresholds(joint(inertia=0.02, **light))
-    assert (s["wearer_torque"], s["wearer_push"]) == pytest.approx((0.75, 4.0))
+    assert (s["wearer_torque"], s["wearer_push"]) == pytest.approx((0.75, 4.8))
     s = thresholds(joint(inertia=0.02, velocity_limit=math.inf, **light))
-    assert (s["wearer_torque"], s["wearer_push"]) == pytest.approx((0.75, 4.0))
+    assert (s["wearer_torque"], s["wearer_push"]) == pytest.approx((0.75, 4.8))
     assert (s["power_limit"], s["budget_store"], s["budget_power"]) == (math.inf, math.inf, 0.0)
-    assert s["ringing_limit"] == pytest.approx(0.575)
+    assert s["ringing_limit"] == pytest.approx(0.69)
 
 
 def test_weight_that_the_law_leaves_to_the_wearer():
     s = thresholds(joint(effort_limit=1.2))
     left = WEIGHT - 1.2
     assert s["push_limit"] == pytest.approx(1.2 + left)
-    assert s["wearer_torque"] == pytest.approx(max(1.0 + left, 20.0 * INERTIA + 0.4 * WEIGHT))
+    assert s["wearer_torque"] == pytest.approx(max(1.0 + left, 27.0 * INERTIA + 0.4 * WEIGHT))
     assert s["wearer_push"] == pytest.approx(5.0 + left)
     assert s["force_tolerance"] == pytest.approx(0.066 * 1.2 + 0.2 * left + 0.4 * WEIGHT)
-    assert s["force_burst"] == pytest.approx(0.66 * 1.2 + 0.2 * left + 0.4 * WEIGHT)
+    assert s["force_burst"] == pytest.approx(0.8 * 1.2 + 0.2 * left + 0.4 * WEIGHT)
     assert s["budget_store"] == pytest.approx(INERTIA * 5.75**2 + 0.66 * left)
     assert (s["hold_limit"], s["power_limit"]) == pytest.approx((1.2, 12.0))
     assert s["degrades"] == 1.0
@@ -314,7 +314,7 @@ def test_without_a_body_nothing_is_held_against_a_model():
                  "force_excess", "budget_store", "test_most"):  # fmt: skip
         assert s[name] == math.inf, name
     assert (s["hold_damping"], s["hold_limit"], s["test_effort"]) == (0.0, 0.0, 0.0)
-    assert (s["push_limit"], s["power_limit"], s["ringing_limit"]) == pytest.approx((5.0, 25.0, 0.575))
+    assert (s["push_limit"], s["power_limit"], s["ringing_limit"]) == pytest.approx((5.0, 25.0, 0.69))
 
 
 # --- bodies ----------------------------------------------------------------------------------------------------------

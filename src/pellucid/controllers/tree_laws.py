@@ -32,11 +32,9 @@ from .supervised import (
     HOLD_DAMPING_SHARE,
     MAX_TEST_WORK_RATIO,
     MIN_DRIVEN_INERTIA_SHARE,
-    RINGING_LIMIT_SHARE,
     SENSOR_QUIET_S,
     TEST_REST_S,
     WEARER_ACCELERATION_TIMES_S,
-    WEARER_PUSH_SHARE,
     WEARER_TORQUE_SHARE,
     commissioned_bounds,
     drive_watch,
@@ -62,6 +60,12 @@ MOST_INERTIA_SHARE = 0.4
 
 STORE_SPEED_OF_OWN = 2.0
 """Speed up to which the energy observer allows a joint's own inertia to be accelerated at once [rad/s or m/s]."""
+
+WEARER_PUSH_SHARE = 0.8
+"""Largest momentary torque of a wearer, as a share of the joint's limit of effort [1]."""
+
+RINGING_LIMIT_SHARE = 0.115
+"""Largest mean effort at frequencies above those of human motion, as a share of the joint's limit of effort [1]."""
 
 FORCE_FRICTION_SHARE = 0.5
 """Largest lasting difference between force sensors and the momentum observer, as a share of the joint's friction at
