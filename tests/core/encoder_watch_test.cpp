@@ -174,6 +174,23 @@ template <class S> void frozen() {
   check(rig.move(S(0)) == F::frozen && rig.move(S(0)) == F::frozen, "three in a row, and more");
 }
 
+/// Stamps that jitter about regular samples: a steady motion stays steady. Samples that come when their stamps say so, too.
+template <class S> void jitter() {
+  const p::EncoderWatchParams<S> params;
+  for (const bool regular : {true, false}) {
+    Encoder<S> rig(params);
+    S place = S(0);
+    std::int64_t last = 1000000;
+    for (int k = 0; k < 40; ++k) {
+      const std::int64_t time = 1000000 + 977 * k + (k % 2 == 0 ? -200 : 200);
+      if (k > 0) place = place + (regular ? S(4) * rig.c.period : S(4e-6) * static_cast<S>(time - last));
+      last = time;
+      rig.read(place, time);
+      if (k > 3) check_close(static_cast<double>(rig.s.velocity), 4.0, 0.05, "a steady velocity");
+    }
+  }
+}
+
 /// A reading that is none, or was seen before, changes nothing.
 template <class S> void nothing_new() {
   p::EncoderWatchParams<S> params;
@@ -198,6 +215,7 @@ template <class S> void all() {
   range<S>();
   clocks<S>();
   frozen<S>();
+  jitter<S>();
   nothing_new<S>();
 }
 

@@ -384,6 +384,15 @@ void travel() {
     for (int k = 0; k < 5000 && found == F::none; ++k) found = dies.period(), from += 1e-3 * std::fabs(dies.s.slow);
     check(found == F::unanswered && from >= 0.9 * way && from <= 1.2 * way, "within its way and a part of a window");
   }
+  // The law's effort is its own until half of the energy is used, and falls in proportion to what is left.
+  auto some = usual<double>();
+  some.energy = 4;
+  const auto limited = p::coefficients(some, 1e-3);
+  for (const double added : {0.0, 1.5, 2.0, 3.0, 3.5, 4.0, 5.0}) {
+    s.added = added;
+    const double left = added < 2 ? 1 : added > 4 ? 0 : (4 - added) / 2;
+    check_close(p::bounded(limited, s, 6.0), 6 * left, 1e-12, "bounded");
+  }
   auto any = usual<double>();
   check(!std::isfinite(p::coefficients(any, 1e-3).params.travel), "any way where none is stated");
   any.travel = 0;

@@ -864,6 +864,18 @@ void no_reset_over_lost_memory() {
   check(p::is_stopped(rig.mode()) && p::faults_of(rig.state()) <= 3, "for good, without a flood of entries");
 }
 
+/// What is without power already stays so where memory is lost: that is written down, and takes back the token.
+void lost_while_stopped() {
+  for (const M mode : {M::damped_stop, M::zero, M::latched}) {
+    Stopped one(held(), mode, 0, 0);
+    const std::uint32_t challenge = one.rig.state().challenge.word;
+    p::lose_trust(one.rig.law);
+    check(one.rig.mode() == (mode == M::latched ? M::latched : M::zero), "no power");
+    check(p::logged(one.rig.law.state, 0).fault == F::integrity && one.rig.fault() == F::stopped, "written down after the first");
+    check(one.rig.state().challenge.word != challenge, "another token");
+  }
+}
+
 /// While a joint is held: whatever puts encoder or drive in doubt ends the hold, and so does a joint that gets faster.
 void doubts_in_a_hold() {
   Params r = held();
@@ -1040,6 +1052,7 @@ int main() {
   resets();
   stops();
   no_reset_over_lost_memory();
+  lost_while_stopped();
   doubts_in_a_hold();
   start_up();
   degraded();

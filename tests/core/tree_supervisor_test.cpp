@@ -491,6 +491,8 @@ void slow_watches() {
         rings.settles();
         rings.state().joint[k].ringing.size = 9;
         check((rings.seen(steps).fault == F::ringing) == (steps == 3), "every fourth period");
+        p::go(rings.state(), M::start_up, {});
+        check(rings.seen(steps).fault == F::none, "not while the start-up test moves the joint");
       }
       r = rules();
       r.joint[k].outside_limit = 2;
@@ -1039,6 +1041,13 @@ void resets() {
   senseless.rig.law.supervisor.valid = 0;
   for (int k = 0; k < 50; ++k) senseless.stay(true, senseless.rig.state().challenge.word);
   check(senseless.rig.mode() == M::latched, "without sense no reset");
+  for (const bool law : {true, false}) {
+    Stopped lost(M::latched, 0, 0);
+    if (law) lost.rig.law.controller.law.joint[2].params.friction_share = 0.81;
+    else lost.rig.law.supervisor.joint[2].params.budget.store = 900;
+    for (int k = 0; k < 50; ++k) lost.stay(true, lost.rig.state().challenge.word);
+    check(lost.rig.mode() == M::latched && p::logged(lost.rig.state(), 0).fault.fault == F::integrity, "nor over lost memory");
+  }
   Stopped again(M::latched, 0, 0);
   again.rig.state().steps = 7;
   again.rig.law.controller.fault = {F::stale, 1};

@@ -35,7 +35,7 @@ def test_thresholds_follow_from_the_law():
     s = pl.supervised(joint(), instruments=Instruments(drive=True)).supervision
     assert set(s) == {field.name for field in model_fields("supervisor")}
     assert (s["raw_speed_limit"], s["range_max"]) == (10.0, pytest.approx(2.15))
-    assert (s["push_limit"], s["ringing_limit"]) == (5.0, pytest.approx(0.575))
+    assert (s["push_limit"], s["ringing_limit"]) == (5.0, pytest.approx(0.69))
     assert s["raw_acceleration_limit"] == pytest.approx(5.0 / (0.1 * 0.05))
     assert s["test_effort"] == pytest.approx(0.3 + 50.0 * 0.05)
     assert 2.0 * s["test_effort"] * s["test_samples"] * 2e-3 / np.pi < 0.2  # N m s, of the whole wave
