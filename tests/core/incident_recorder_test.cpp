@@ -421,12 +421,12 @@ void the_range_of_positions() {
 
 /// What damage left just beyond its bound is found, and the recording begins anew.
 void damage_at_each_bound() {
-  for (int field = 0; field < 4; ++field) {
+  for (int field = 0; field < 6; ++field) {
     Life<Joint, double> life(4, 3);
     life.run(30);
     using R = p::IncidentRing;
-    std::uint32_t R::*const numbers[] = {&R::slot, &R::whole, &R::filled, &R::left};
-    const std::uint32_t beyond[] = {4, 5, 3, 5};
+    std::uint32_t R::*const numbers[] = {&R::slot, &R::whole, &R::filled, &R::left, &R::phase, &R::stop_slot};
+    const std::uint32_t beyond[] = {4, 5, 3, 5, 3, 4};
     damage(life.recorder, life.recorder.copy, numbers[field], beyond[field]);
     life.step();
     check(life.recorder.damages == 1, "found");
