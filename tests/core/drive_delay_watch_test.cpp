@@ -134,9 +134,27 @@ void numbers() {
   check(p::step(c, s, S(1), std::numeric_limits<S>::infinity()) == F::none && s.rr == 0, "begins anew");
 }
 
+/// A delay is judged from a share of the memory on, where the command's rate varied, and where it explains enough.
+void shown() {
+  auto c = p::coefficients(params(), period);
+  c.forget = p::delay_memory / 8, c.needed = 0.5, c.params.share = 0.25;
+  p::DriveDelayWatchState<S> s;
+  s.aa = 1, s.rr = 1, s.er = 1, s.ee = 4, s.count = 8;
+  check(p::seen_lateness(c, s).is_shown, "all of it just enough");
+  const auto without = [&](S p::DriveDelayWatchState<S>::*number, S value) {
+    auto other = s;
+    other.*number = value;
+    return !p::seen_lateness(c, other).is_shown;
+  };
+  check(without(&p::DriveDelayWatchState<S>::count, 7.99), "not before");
+  check(without(&p::DriveDelayWatchState<S>::rr, 0.5) && !without(&p::DriveDelayWatchState<S>::rr, 0.51), "a steady rate");
+  check(without(&p::DriveDelayWatchState<S>::ee, 4.01), "another error");
+}
+
 }  // namespace
 
 int main() {
+  shown();
   numbers();
   delays();
   shares();

@@ -431,6 +431,14 @@ void damage_at_each_bound() {
     life.step();
     check(life.recorder.damages == 1, "found");
   }
+  for (p::TwinWord p::IncidentRing::*const pair : {&p::IncidentRing::decimation, &p::IncidentRing::after}) {
+    Life<Joint, double> life(4, 3);
+    life.run(30);
+    (life.recorder.*pair).twin ^= 4u;
+    (life.recorder.copy[0].*pair).twin ^= 4u;
+    life.step();
+    check(life.recorder.damages == 1, "a pair that differs is found, too");
+  }
 }
 
 /// No single bit of a recorder's own numbers that is lost forgets the record of a stop.
