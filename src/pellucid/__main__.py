@@ -1,6 +1,6 @@
 """Start of the command line: ``pellucid``, and ``python -m pellucid``.
 
-The version is printed without loading the commands.
+The version, and the lines of a report that need not be drawn again, are printed without loading the commands.
 """
 
 from __future__ import annotations
@@ -9,15 +9,34 @@ import sys
 
 
 def main() -> None:
-    """Print the version if nothing else is asked for; else run the command line."""
-    if sys.argv[1:] in (["version"], ["--version"]):
+    """Print the version or an up-to-date report if nothing else is asked for; else run the command line."""
+    words = sys.argv[1:]
+    if words in (["version"], ["--version"]):
         from . import __version__
 
         print(f"pellucid {__version__}")
         return
+    if len(words) == 2 and words[0] == "report" and not words[1].startswith("-") and _print_drawn_report(words[1]):
+        return
     from .cli import main as run
 
     run()
+
+
+def _print_drawn_report(folder: str) -> bool:
+    """Print the lines that told of a study's report if it is up to date; return whether it is."""
+    from pathlib import Path
+
+    from .study.drawn_report import ReportPlace
+
+    text = "\n".join(ReportPlace(Path(folder)).drawn_lines(with_pdf=False))
+    try:
+        text.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:  # the command replaces what the terminal cannot print
+        return False
+    if text:
+        print(text)
+    return bool(text)
 
 
 if __name__ == "__main__":

@@ -38,6 +38,7 @@ ALLOWED = {
     "__main__": {"cli"},
 }
 DOORS = {
+    ("__main__", "study.drawn_report"): "a report that is up to date is printed without loading the commands",
     ("people", "emg.signals.emg_chain"): "activity of muscles is an index of movement",
     ("people", "emg.signals.emg_quality"): "recordings of people contain EMG, which is checked in one place",
     ("emg", "controllers.export.c_folder"): "an estimator is exported from the templates of controllers",

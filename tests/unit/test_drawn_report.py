@@ -114,3 +114,17 @@ def test_a_report_that_is_not_drawn_again_needs_no_numpy():
     code = "import sys, pellucid.study.drawn_report; print('numpy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_the_command_alone_prints_an_up_to_date_report_without_typer(folder):
+    code = (
+        "import sys; from pellucid.__main__ import main; sys.argv = ['pellucid', 'report', sys.argv[1]]; main(); "
+        "print([name for name in ('typer', 'pydantic', 'numpy') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(folder)], capture_output=True, text=True, check=True)
+    assert done.stdout == "Report\n[]\n"
+    changed_figure(folder)
+    again = subprocess.run(
+        [sys.executable, "-m", "pellucid", "report", str(folder)], capture_output=True, text=True, check=True
+    )
+    assert "Report: " in again.stdout
