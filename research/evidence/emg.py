@@ -21,7 +21,7 @@ from scipy import signal
 from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.emg.estimators.condition_choice import ERROR_BAND
 from pellucid.emg.estimators.cross_validation import score
-from pellucid.emg.estimators.emg_session import FittedSession, SessionWatch
+from pellucid.emg.estimators.emg_session import FittedSession
 from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.raw_session import RawChannels
 from pellucid.emg.estimators.torque_map import fit_torque_map
@@ -70,8 +70,6 @@ MENDED = sized(60, smallest=1)  # spoilings whose torque is predicted
 CHAIN, CHAIN_RATE = "hill", 2000.0  # Before the muscles that are exported, Hz
 LIVE = sized(60, smallest=1)
 """Spoilings while recording."""
-WATCHED = 10.0
-"""Time before each of them, and within which it is to be named [s]."""
 
 
 def rows() -> Iterator[ResultRow]:
@@ -81,7 +79,6 @@ def rows() -> Iterator[ResultRow]:
         yield from changed_rows(study, Path(folder) / "spoilt")
         yield from drawn_rows(study)
         yield from faster_rows(study)
-        yield from live_rows(study)
         yield from session_rows(study)
         yield from raw_rows(Path(folder) / "raw")
         yield from elsewhere_rows(study, Path(folder) / "elsewhere")
@@ -304,37 +301,6 @@ def faster_rows(study: Study) -> Iterator[ResultRow]:
     )
     yield row("faster.wrongly_named", named / (LIVE * len(session.muscles)), "1", f"of channels; {said}")
     yield row("faster.holds", np.mean(held), "1", f"taken for a condition that what was fitted covers; {said}")
-
-
-def live_rows(study: Study) -> Iterator[ResultRow]:
-    """Channels that change while they are recorded: how long until each is named, and what is named before."""
-    fitted, _, rest = moment_trials(study, "ankle")
-    session, rng = FittedSession.from_trials([fitted]), np.random.default_rng(SEED + 2)
-    tops, start = dict(zip(session.muscles, session.span, strict=True)), round(WATCHED * rest.fs)
-    waited, missed, false = [], 0, set()
-    for _ in range(LIVE):
-        spoiling = drawn(session.muscles, tops, rng)
-        first = int(rng.integers(len(rest) - 2 * start))
-        spoilt = spoiling.of(rest.envelopes)
-        watch, truth, named = SessionWatch(session, tuple(rest.angles), rest.fs), set(spoiling.muscles), None
-        for i in range(2 * start):
-            source = rest.envelopes if i < start else spoilt
-            said = watch.step(
-                {m: x[first + i] for m, x in source.items()}, {j: q[first + i] for j, q in rest.angles.items()}
-            )
-            changed = {c.muscle for c in said}
-            if i < start:
-                false |= {(first, muscle) for muscle in changed}
-            elif truth <= changed:
-                named = (i - start) / rest.fs
-                break
-        missed += named is None
-        waited += [] if named is None else [named]
-    said = f"of {LIVE} drawn changes after {WATCHED:g} s of walking, sample by sample from the past alone"
-    yield row("live.named", 1.0 - missed / LIVE, "1", f"within {WATCHED:g} s; every channel named; {said}")
-    yield row("live.seconds", np.median(waited), "s", f"median until every channel is named; {said}")
-    share = len(false) / (LIVE * len(session.muscles))
-    yield row("live.wrongly_named", share, "1", f"channels named at any time before anything changed; {said}")
 
 
 # --- raw EMG --------------------------------------------------------------------------------------------------------

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from pellucid.emg.estimators.cross_validation import score
-from pellucid.emg.estimators.emg_session import FittedSession, SessionWatch
+from pellucid.emg.estimators.emg_session import FittedSession, add_channel_watch
+from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.torque_map import fit_torque_map
 from pellucid.emg.study.emg_torque import sessions
+from pellucid.emg.study.emg_torque.estimator_cards import map_estimator
 from pellucid.emg.study.emg_torque.sessions import session_faults
 from pellucid.emg.study.emg_torque.together import calibrate_together
 from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
@@ -155,11 +157,22 @@ def test_walks_that_were_fitted_at_several_speeds_pass_their_own_watch(study, pa
     for trial in trials:
         found = session.compare(trial)
         assert (found.changes, found.is_valid) == ((), True)
-        watch = SessionWatch(session, tuple(trial.angles), trial.fs)
-        for i in range(len(trial)):
-            said = watch.step({m: x[i] for m, x in trial.envelopes.items()}, {j: q[i] for j, q in trial.angles.items()})
-            assert said == ()
-            assert watch.last_comparison is None or watch.last_comparison.is_valid
+
+
+@pytest.mark.parametrize("paces", [(1.0,), (0.8, 1.2), (0.8, 1.0, 1.2)], ids=str)
+def test_the_estimator_of_several_speeds_watches_them_without_a_word(study, paces):
+    walk, *_ = moment_trials(study, "ankle", causal=True)
+    trials = [at_pace(walk, p, dict.fromkeys(walk.envelopes, p)) for p in paces]
+    ridge = fit_torque_map(trials, "ridge", causal=True)
+    card = add_channel_watch(map_estimator(study, "emg_ankle_ridge", ridge, trials), {"ankle": trials})
+    for trial in trials:
+        live = LiveTorque(card)
+        for i, now in enumerate(trial.time):
+            made = live.step(
+                now, {m: x[i] for m, x in trial.envelopes.items()}, {j: q[i] for j, q in trial.angles.items()}
+            )
+            assert made.changed == ()
+            assert made.fault != "unlike"
 
 
 def test_walking_passes_where_running_was_fitted_too(study, data_folder, tmp_path):

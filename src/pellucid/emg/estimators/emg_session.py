@@ -4,14 +4,12 @@ An electrode that is stuck on anew, a cable in another socket or another gain ch
 changes nearly all of them. The torque of a map shows neither: the map goes on as if nothing had happened.
 
 Fitted trials may differ in speed and load. Floors and ranges are therefore kept for each fitted trial, and for each
-stretch of it that is as long as the window of a `SessionWatch`. The ranges of all channels together tell which stretch
+stretch of it of a few seconds. The ranges of all channels together tell which stretch
 a recording is most like, and its ranges are compared with that stretch. Floors may lie anywhere between the lowest and
 the highest fitted one. Every fitted trial therefore passes its own comparison.
 
 A channel's *floor* and *top* are two quantiles of its envelope, and its *range* is their difference. Its *pattern* is
 the envelope that a ridge regression predicts from joint angles and their rates.
-
-Compare channels with the fitted ones while they are recorded: sample by sample, from the past alone.
 
 Give an estimator's card a watch: what each channel was in the fitted recordings, and what its change would cost.
 
@@ -38,7 +36,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.signal import lfilter
 
-from ..._errors import IdentificationError, RecordingError
+from ..._errors import IdentificationError
 from ..models.emg_estimator import (
     WATCH_DEFAULTS,
     EmgEstimatorCard,
@@ -108,15 +106,15 @@ SESSION_LIMITS = SessionThresholds()
 
 @dataclass(frozen=True)
 class WatchTimes:
-    """What a watch of channels compares, how often, and from how many samples.
+    """Stretches of fitted trials that are kept, and samples of which a watch is made.
 
     No measurement is recorded for what is chosen by judgement.
     """
 
-    # A watch makes its first comparison after this duration [s]. Quantiles of less time are those of a single stride.
+    # The first stretch ends after this duration [s]. Quantiles of less time are those of a single stride.
     min_seconds: float = 5.0
-    interval_s: float = 1.0  # Time between two comparisons of a watch [s]. Chosen by judgement.
-    # Duration of the samples that a watch compares [s]. A raised floor counts only if it lasts nearly all of this time.
+    interval_s: float = 1.0  # Time between the ends of two stretches [s]. Chosen by judgement.
+    # Duration of a stretch [s]. A raised floor counts only if it lasts nearly all of this time.
     window_s: float = 6.0
     # Largest number of stretches kept of a fitted trial: all of five minutes, evenly spaced ones of a longer trial
     max_stretch_count: int = 300
@@ -211,7 +209,7 @@ class FittedSession:
             others = tuple(
                 Ridge(SESSION_LIMITS.pattern_penalty).fit(np.delete(x, k, axis=1), x[:, k]) for k in range(len(muscles))
             )
-        parts = [*trials, *(part for trial in trials for part in _watched_stretches(trial))]
+        parts = [*trials, *(part for trial in trials for part in _stretches_of(trial))]
         stretches = [_stack_trials([part]) for part in parts]
         quantiles = np.array(
             [
@@ -480,8 +478,8 @@ class FittedSession:
         return scores
 
 
-def _watched_stretches(trial: TorqueTrial) -> list[TorqueTrial]:
-    """Return the stretches of a trial that a watch would compare, evenly spaced where there are too many."""
+def _stretches_of(trial: TorqueTrial) -> list[TorqueTrial]:
+    """Return the stretches of a trial, evenly spaced where there are too many."""
     every, window = max(1, round(WATCH_TIMES.interval_s * trial.fs)), round(WATCH_TIMES.window_s * trial.fs)
     first = -(-round(WATCH_TIMES.min_seconds * trial.fs) // every) * every
     ends = range(first, len(trial) + 1, every)
@@ -590,73 +588,6 @@ def _range_margin(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return the margin about ranges of angles and rates, shape (2 angles,)."""
     least = np.tile(SESSION_LIMITS.motion_margins, len(low) // 2)
     return np.maximum(SESSION_LIMITS.range_margin * (high - low), least)
-
-
-class SessionWatch:
-    """A monitor of the channels' changes, for envelopes and angles that come one after another.
-
-    Its result is that of `FittedSession.compare` for a recording of the samples in its buffer.
-    """
-
-    def __init__(
-        self, session: FittedSession, joints: tuple[str, ...], fs: float, *, seconds: float = WATCH_TIMES.window_s
-    ):
-        """Prepare a buffer of `seconds` [s] of samples at the rate `fs` [Hz]; `joints` names the angles."""
-        if not fs > 0.0 or seconds < WATCH_TIMES.min_seconds:
-            raise RecordingError(
-                f"channels watched: found {fs:g} Hz and {seconds:g} s to be compared, expected a rate above 0 and at "
-                f"least {WATCH_TIMES.min_seconds:g} s"
-            )
-        if 2 * len(joints) != len(session.low):
-            raise RecordingError(
-                f"channels watched: found angles of {', '.join(joints) or 'no joint'}, expected "
-                f"{len(session.low) // 2} as in what was fitted"
-            )
-        self._session, self._joints, self._fs = session, joints, fs
-        self._rows = np.full((round(seconds * fs), len(session.muscles) + len(joints)), np.nan)
-        self.reset()
-
-    def reset(self) -> None:
-        """Empty the buffer."""
-        self._count = 0
-        self._last_comparison: ChannelComparison | None = None
-
-    @property
-    def last_comparison(self) -> ChannelComparison | None:
-        """Result of the last comparison; None before the first."""
-        return self._last_comparison
-
-    @property
-    def changes(self) -> tuple[ChannelChange, ...]:
-        """Channels that changed, by the last comparison."""
-        return () if self._last_comparison is None else self._last_comparison.changes
-
-    def step(self, envelopes: Mapping[str, float], angles: Mapping[str, float]) -> tuple[ChannelChange, ...]:
-        """Add one sample of every envelope [1] and angle [rad] and return `changes`.
-
-        A sample with a missing number is ignored.
-        """
-        row = [envelopes[m] for m in self._session.muscles] + [angles[j] for j in self._joints]
-        if not np.isfinite(row).all():
-            return self.changes
-        self._rows[self._count % len(self._rows)] = row
-        self._count += 1
-        if (
-            self._count >= WATCH_TIMES.min_seconds * self._fs
-            and self._count % max(1, round(WATCH_TIMES.interval_s * self._fs)) == 0
-        ):
-            self._last_comparison = self._session.compare(self._buffered_trial())
-        return self.changes
-
-    def _buffered_trial(self) -> TorqueTrial:
-        """Return the samples in the buffer as a trial, the oldest first."""
-        at = self._count % len(self._rows)
-        rows = self._rows[: self._count] if self._count < len(self._rows) else np.roll(self._rows, -at, axis=0)
-        n, muscles = len(rows), self._session.muscles
-        envelopes = {m: rows[:, i] for i, m in enumerate(muscles)}
-        angles = {j: rows[:, len(muscles) + i] for i, j in enumerate(self._joints)}
-        time = np.arange(n) / self._fs
-        return TorqueTrial("live", self._joints[0], time, envelopes, angles, np.zeros(n))
 
 
 def add_channel_watch(
