@@ -7,12 +7,15 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
+from time import process_time
 
 import pytest
 
-from pellucid._errors import StudyError
+from pellucid._errors import PellucidError, StudyError
 from pellucid._given import MAX_KEY_PARTS, parse_toml
+from pellucid.files.readers.read import read_columns
 
 FILE_BYTES = int(os.environ.get("FUZZ_BYTES", "40000"))
 
@@ -24,6 +27,18 @@ MAX_GROWN_MB = 300.0
 
 MAX_MESSAGE_LENGTH = 5000
 """Characters of a message, which names what was found and does not repeat it."""
+
+
+@pytest.mark.parametrize(
+    ("head", "cell"), [("t,q", " " * 30_000 + "x"), ("t,q", "\t" * 30_000 + "x"), ("# " + "a" * 30_000 + "\nt,q", "1")]
+)
+def test_a_long_cell_or_comment_takes_little_time(tmp_path, head, cell):
+    rows = [f"{0.01 * i:.2f},{i}" for i in range(30)]
+    (tmp_path / "one.csv").write_text("\n".join([head, *rows[:20], f"0.2,{cell}", *rows[20:], ""]), encoding="utf-8")
+    began = process_time()
+    with suppress(PellucidError):
+        read_columns(tmp_path / "one.csv")
+    assert process_time() - began < MAX_SECONDS
 
 
 @pytest.mark.nightly

@@ -74,7 +74,7 @@ def _pairs(line: str) -> list[tuple[str, str, str]] | None:
 
 
 _UNIT_CELL = re.compile(
-    r"\s*\"?\s*([-+]?[\d.,]+(?:[eE][-+]?\d+)?)[ \u00a0\u202f]*"
+    r"\s*(?:\"\s*)?([-+]?[\d.,]+(?:[eE][-+]?\d+)?)[ \u00a0\u202f]*"
     r"([^\W\d_][^\d\";,]{0,11}|[°%][^\d\";,]{0,6})\"?\s*"
 )
 """A number, and a unit behind it."""

@@ -198,4 +198,4 @@ def _loaded(lines: list[str], delimiter: str | None) -> np.ndarray | None:
 def _missing_cell(delimiter: str) -> re.Pattern[str]:
     """Return the pattern of a cell of a missing sample between two delimiters, or between one and a line's end."""
     words, mark = "|".join(map(re.escape, MISSING_WORDS)), re.escape(delimiter)
-    return re.compile(rf"(?:^|(?<={mark})) *(?:{words}) *(?={mark}|$)", re.IGNORECASE | re.MULTILINE)
+    return re.compile(rf"(?:^|(?<={mark})) {{0,99}}(?:{words}) {{0,99}}(?={mark}|$)", re.IGNORECASE | re.MULTILINE)

@@ -596,7 +596,7 @@ def _units(names: list[str], texts: list[str] | None) -> dict[str | int, str]:
 def _labelled_parts(line: str) -> list[str]:
     """Return the parts of a comment with several labelled values, as "# gear: 9, kt: 0.09 Nm/A"; else the line."""
     parts = re.split(r"[,;]\s+", line)
-    if not is_comment(line) or sum(bool(re.search(r"[A-Za-z]\w*\s*[:=]\s*\S", part)) for part in parts) < 2:
+    if not is_comment(line) or sum(bool(re.search(r"[A-Za-z]\w{0,40}\s{0,8}[:=]\s*\S", part)) for part in parts) < 2:
         return [line]
     return [f"# {part.lstrip('#%!/ ')}" for part in parts]
 
