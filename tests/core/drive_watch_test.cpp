@@ -89,6 +89,11 @@ template <class S> void lone_readings() {
   };
   check(surplus_after(1) == S(0), "a reading alone adds nothing");
   check(surplus_after(2) == S(1), "two in a row add what both would");
+  for (const S given : {S(0.5), S(0.625), S(-0.625)}) {
+    p::DriveWatchState<S> one;
+    check(p::step(watch, one, given, S(0.5), S(0x1p-10), true) == F::none, "no fault");
+    check((one.surplus == S(0)) == (given != S(0.5)), "just within the tolerance its energy counts at once, just beyond not");
+  }
   p::DriveWatchState<S> often;
   F found = F::none;
   for (int k = 0; k < 40 && found == F::none; ++k) found = p::step(watch, often, k % 2 == 0 ? S(12) : S(0), S(5), S(1e-3), true);

@@ -3,6 +3,8 @@
 
 #include <pellucid/still_watch.hpp>
 
+#include <initializer_list>
+
 namespace p = pellucid;
 
 namespace {
@@ -12,6 +14,10 @@ using F = p::SafetyFault;
 template <class S> void all() {
   const auto c = p::coefficients(p::StillWatchParams<S>{100, S(2), 25});
   check(c.valid != 0, "valid");
+  for (const std::uint32_t half_wave : {7u, 8u, 200u, 201u}) {
+    const bool fits = half_wave >= 8 && half_wave <= 200;
+    check((p::coefficients(p::StillWatchParams<S>{100, S(2), half_wave}).valid != 0) == fits, "half a wave");
+  }
   p::StillWatchState<S> s;
   S largest = S(0);
   for (std::uint32_t equal = 0; equal < 300; ++equal) {
