@@ -123,6 +123,7 @@ template <class S> void parameters() {
 /// The wave has whole cycles in a window, no mean, its own size, and is 0 where there is none.
 template <class S> void waves() {
   p::ProbeWatchState<S> s;
+  for (const auto& one : s.phase) check(one.real == S(1) && one.imaginary == S(0), "all begin together");
   const auto c = p::coefficients(usual<S>(), S(1e-3));
   double sum = 0, squares = 0, most = 0, first[120];
   for (int k = 0; k < 480; ++k) {

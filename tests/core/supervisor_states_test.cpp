@@ -874,6 +874,15 @@ void lost_while_stopped() {
     check(p::logged(one.rig.law.state, 0).fault == F::integrity && one.rig.fault() == F::stopped, "written down after the first");
     check(one.rig.state().challenge.word != challenge, "another token");
   }
+  // The same fault of an earlier stop does not hide it; that of this stop is written down once.
+  Stopped again(held(), M::latched, 0, 0);
+  p::write_down(again.rig.state().log, p::LoggedFault{5, F::integrity, M::zero});
+  again.rig.state().steps = 1000;
+  const std::uint32_t before = p::faults_of(again.rig.state());
+  for (int k = 0; k < 2; ++k) {
+    p::lose_trust(again.rig.law);
+    check(p::faults_of(again.rig.state()) == before + 1, "once, however long ago the last one was");
+  }
 }
 
 /// While a joint is held: whatever puts encoder or drive in doubt ends the hold, and so does a joint that gets faster.
