@@ -235,8 +235,8 @@ WEARER_ACCELERATIONS = (27.0, 75.0)
 """Lasting and momentary acceleration that a wearer gives a robot by their own force [rad/s^2 or m/s^2].
 
 Chosen with `MODEL_WEIGHT_ERROR_SHARE` and `DRIVE_RESPONSE_S` on exported controllers that 192 foreign plants of seed
-20261101 wore for 48 h. With 20 and 60 rad/s^2 three lives came up to 1 % beyond the lasting torque, and one up to 4 %
-beyond the momentary one."""
+20261101 wore for 48 h. With 20 and 60 rad/s^2 two lives came up to 1 % beyond the lasting torque, and one beyond the
+momentary one."""
 
 MODEL_WEIGHT_ERROR_SHARE = 0.4
 """Largest error of the weight that the model states, as a share of it [1]."""
