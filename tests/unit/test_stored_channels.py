@@ -77,3 +77,11 @@ def test_recordings_stay_in_memory_if_no_temporary_file_can_be_written(store, mo
     assert store.keep(whole)[0] is whole
     arrays = {"x": np.ones(3)}
     assert store.store_all(arrays) is arrays
+
+
+def test_many_arrays_are_held_at_once_by_one_file_descriptor(store):
+    arrays = store.store_all({str(i): np.full(8, float(i)) for i in range(400)})
+    first = len(list(Path("/proc/self/fd").iterdir()))
+    held = [arrays[str(i)] for i in range(400)]
+    assert len(list(Path("/proc/self/fd").iterdir())) == first
+    assert [x[0] for x in held] == list(range(400))

@@ -1,13 +1,14 @@
 """Channels whose samples are in a temporary file, so that memory does not grow with the recordings of a study.
 
-Samples are mapped into memory when they are used, and released with the last array that shows them.
+Samples are read when they are used, and released with the last array that holds them. They are not mapped into memory,
+because each mapping keeps a file descriptor, of which a process has only some hundreds.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from mmap import ACCESS_READ, ALLOCATIONGRANULARITY, mmap
 from tempfile import TemporaryFile
 from typing import IO
 from weakref import finalize
@@ -21,7 +22,7 @@ MAX_HELD_BYTES = 8_000_000
 """Recordings of a study are held in memory up to this size; the samples of further ones are stored."""
 
 MIN_STORED_BYTES = 32_000
-"""Shorter arrays stay in memory, because a mapped file takes whole pages."""
+"""Shorter arrays stay in memory, because each of them takes a call to be read."""
 
 
 class StoredArray:
@@ -106,9 +107,16 @@ class ChannelStore:
     def read(self, start: int, shape: tuple[int, ...]) -> np.ndarray:
         """Return an array of the file from a byte `start` on, read-only."""
         assert self._file is not None
-        count = int(np.prod(shape))
-        mapped = mmap(self._file.fileno(), count * np.dtype(float).itemsize, access=ACCESS_READ, offset=start)
-        return np.frombuffer(mapped, float, count).reshape(shape)
+        array = np.empty(shape)
+        left = array.reshape(-1).view(np.uint8).data
+        while left:
+            # One call reads 2 GiB at most. It leaves the position of the file alone, which other processes share.
+            got = os.preadv(self._file.fileno(), (left,), start)
+            if got == 0:
+                raise OSError(f"temporary file of samples: found its end at byte {start}, expected {len(left)} more")
+            left, start = left[got:], start + got
+        array.flags.writeable = False
+        return array
 
     def _with_stored(self, recording: Recording) -> Recording:
         return replace(
@@ -139,6 +147,8 @@ class ChannelStore:
         return self._stored[id(channel)][1]
 
     def _write(self, samples: np.ndarray) -> StoredArray:
+        if not hasattr(os, "preadv"):
+            raise OSError("this system reads files at their position alone, which other processes move")
         if self._file is None:
             self._file = TemporaryFile()  # noqa: SIM115  it is closed with the store
             finalize(self, self._file.close)
@@ -146,7 +156,7 @@ class ChannelStore:
         self._file.write(np.ascontiguousarray(samples, float).data)
         self._file.flush()
         stored = StoredArray(self, self._end, samples.shape)
-        self._end += -(-samples.nbytes // ALLOCATIONGRANULARITY) * ALLOCATIONGRANULARITY
+        self._end += samples.nbytes
         return stored
 
 
