@@ -134,6 +134,18 @@ def test_envelopes_are_held_to_other_limits():
     assert {kind for _, kind in kinds(envelope / envelope.max(axis=0), unit="1")} == {"normalised_per_trial"}
 
 
+@pytest.mark.parametrize("floor", [0.0, 0.4])
+def test_an_envelope_beside_raw_emg_is_found_as_by_onset(floor):
+    """Quality called a channel sound of which onset said that it is an envelope."""
+    _t, emg = clean(seed=6)
+    emg[:, 1] = np.abs(emg[:, 1]) + floor * np.abs(emg[:, 1]).mean()
+    assert kinds(emg) == [(1, "envelope")] == kinds(emg, unit="")
+    with pytest.raises(PellucidError, match="as in an envelope"):
+        pl.onset(emg[:, 1], fs=2000.0)
+    # Counts of a converter have an offset in every channel.
+    assert kinds(1e3 + 1e6 * clean(seed=6)[1], unit="") == []
+
+
 def test_every_finding_says_what_it_does():
     t, emg = clean(seed=7)
     emg[:, 0] += beats(t, np.random.default_rng(1))

@@ -7,6 +7,7 @@ from scipy import signal
 import pellucid as pl
 from pellucid._errors import RecordingError
 from pellucid.emg.signals.emg_onset import activations, teager_kaiser
+from pellucid.study.answer import AnswerPart, reason_of_parts
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, onset, report
 from pellucid_lab.emg_synthesis import motor_unit_noise
@@ -205,3 +206,14 @@ def test_lost_samples_are_no_rest_and_hum_makes_onsets_doubtful():
     assert not 4.0 < found.rest[0] < 4.8
     humming = activations(time, x + 3e-5 * np.sin(2.0 * np.pi * 50.0 * time))
     assert {one.kind for one in humming.doubtful} == {"mains"}
+
+
+def test_missed_onsets_are_counted_by_cause_the_most_frequent_first(tmp_path):
+    """The reason named four of a hundred channels, and the next step counted 12 of 39 envelopes."""
+    opened = study(tmp_path / "s", change=lambda x: 2e-5 + np.abs(x))
+    answer = onset(opened).answer
+    assert answer.reason == "1 not found: vastus in trial: an envelope, not raw EMG"
+    assert answer.next[0].text.startswith("Record raw EMG: the channels of vastus (1 recording) are envelopes")
+    parts = [AnswerPart(f"channel {i}", "no", ("too weak", "too short")[i % 3 == 0]) for i in range(9)]
+    assert reason_of_parts(parts) == "too weak (6); too short (3)"
+    assert reason_of_parts(parts[:2]) == "channel 0: too short; channel 1: too weak"

@@ -130,6 +130,7 @@ VERDICT_WORDS = {
     limited.KIND: "saturated",
     "clipped": "clipped",
     "unit": "in another unit",
+    "envelope": "envelope, not raw EMG",
     "exchanged": "exchanged",
     "saturation": "clipped",
     "dropout": "dropouts",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -334,10 +335,15 @@ def assumed_sentence(assumed: Sequence[Assumption]) -> str:
 def reason_of_parts(parts: Sequence[AnswerPart], verdict: AnswerVerdict | None = None) -> str:
     """Return why the verdict is no, or cannot say: the reasons of the parts that say the same; "" for yes.
 
-    The `verdict` is `verdict_of_parts` unless another one is given.
+    The `verdict` is `verdict_of_parts` unless another one is given. Where many parts share a few reasons, each reason
+    stands once with their number, the most frequent first.
     """
     verdict = verdict_of_parts(parts) if verdict is None else verdict
-    own = [f"{part.name}: {part.reason.rstrip('.')}" for part in parts if part.verdict == verdict != "yes"]
+    same = [part for part in parts if part.verdict == verdict != "yes"]
+    causes = Counter(part.reason.rstrip(".") for part in same)
+    if len(causes) <= MAX_NAMED_REASONS < len(same):
+        return "; ".join(f"{cause} ({count})" for cause, count in causes.most_common())
+    own = [f"{part.name}: {part.reason.rstrip('.')}" for part in same]
     more = len(own) - MAX_NAMED_REASONS
     return "; ".join(own[:MAX_NAMED_REASONS]) + (f"; and {more} more" if more > 0 else "")
 

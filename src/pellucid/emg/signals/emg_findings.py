@@ -11,6 +11,7 @@ Each check looks for one cause by an effect on the signal that a muscle does not
 - **mvc_artefact**: single short peaks far above all else, which would be mistaken for the muscle's maximum;
 - **normalised_per_trial**: a relative envelope whose largest value is exactly 1, its own maximum;
 - **exchanged**: two channels that fit each other's place in another recording of the same electrodes, not their own;
+- **envelope**: an envelope or rectified EMG beside channels of raw EMG;
 - **clock**: times with gaps;
 - **unit**: an amplitude that is impossible for EMG in the stated unit.
 """
@@ -40,7 +41,7 @@ RELATIVE_UNITS = ("1", "%")
 
 FINDING_KINDS = (
     "dropout", "dead", "mains", "heartbeat", "motion", "saturation", "exchanged", "normalised_per_trial",
-    "mvc_artefact", "clock", "unit",
+    "mvc_artefact", "envelope", "clock", "unit",
 )  # fmt: skip
 """Kinds of findings."""
 
@@ -142,6 +143,7 @@ CONSEQUENCES = {
     "normalised_per_trial": "Trials cannot be compared: normalise all of them by one maximal contraction.",
     "mvc_artefact": "The maximum of this recording is an artefact, and all envelopes scaled by it become too small.",
     "exchanged": "Envelope, onset and torque are those of the other muscle: exchange the two names.",
+    "envelope": "No onset can be found, and filters for raw EMG spoil it; it is an envelope already.",
     "clock": "Filters smooth over the gap, and times after it are wrong unless the gap is kept.",
     "unit": "Checks and default limits in volts do not apply: state the unit of the file.",
 }
@@ -211,8 +213,14 @@ def emg_quality(
             )
         pairs = exchanged_pairs(electrode_places(values, rate), electrode_places(beside, rate))
         swapped = exchanged_findings(pairs, named, len(values) / rate)
+    is_raw = unit not in RELATIVE_UNITS and any(map(_is_centred, values.T))
     for name, x in zip(named, values.T, strict=True):
-        found += _channel_findings(name, x, rate, unit, typical, is_wrong_unit)
+        # Where no channel is raw, all may be envelopes, or raw EMG with the offset of a converter.
+        said = envelope_words(x, rate) if is_raw and np.ptp(x) > 0.0 else ""
+        is_smooth = bool(said) or unit in RELATIVE_UNITS or is_envelope(x, rate)
+        found += _channel_findings(name, x, rate, unit, typical, is_wrong_unit, is_smooth)
+        if said:
+            found.append(EmgFinding(name, "envelope", 0.0, len(x) / rate, 1.0, CONSEQUENCES["envelope"], said))
         found += [swapped[name]] if name in swapped else []
     return tuple(found)
 
@@ -307,17 +315,22 @@ def _rms(x: np.ndarray) -> float:
     return float(np.std(known)) if len(known) else 0.0
 
 
+def _is_centred(x: np.ndarray) -> bool:
+    """Return whether samples, (n,), lie on both sides of 0, as those of raw EMG."""
+    known = x[np.isfinite(x)]
+    return len(known) > 0 and abs(float(known.mean())) < 0.5 * float(np.std(known))
+
+
 def _channel_findings(
-    name: int | str, x: np.ndarray, rate: float, unit: str, typical: float, is_wrong_unit: bool
+    name: int | str, x: np.ndarray, rate: float, unit: str, typical: float, is_wrong_unit: bool, is_smooth: bool
 ) -> list[EmgFinding]:
-    """Return the findings of one channel, (n,)."""
+    """Return the findings of one channel, (n,); an envelope `is_smooth`."""
     end = len(x) / rate
 
     def whole(kind: str, size: float, said: str) -> EmgFinding:
         return EmgFinding(name, kind, 0.0, end, size, CONSEQUENCES[kind], said)
 
     is_relative = unit in RELATIVE_UNITS
-    is_smooth = is_relative or is_envelope(x, rate)
     gone = dropouts(x, rate, is_envelope=is_smooth)
     found = []
     for part in gone:
@@ -372,8 +385,16 @@ def _converter_step(x: np.ndarray) -> float:
     return float(steps.min()) if len(steps) else 0.0
 
 
+def envelope_words(x: np.ndarray, rate: float) -> str:
+    """Return why a channel, (n,), that should be raw EMG is an envelope or rectified; "" if it is raw EMG."""
+    known = x[np.isfinite(x)]
+    if len(known) and known.min() >= 0.0:
+        return "no sample below 0, as in an envelope"
+    return "no carrier above 20 Hz, as in an envelope" if is_envelope(x, rate) else ""
+
+
 def is_envelope(x: np.ndarray, rate: float) -> bool:
-    """Return whether a channel, (n,), is an envelope or rectified, and no raw EMG."""
+    """Return whether a channel, (n,), is an envelope or rectified, and no raw EMG with an offset."""
     known = x[np.isfinite(x)]
     if len(known) < 2.0 * rate or rate < 100.0:
         return False

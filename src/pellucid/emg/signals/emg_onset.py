@@ -47,7 +47,21 @@ from scipy.fft import irfft, next_fast_len, rfft
 from ..._errors import RecordingError
 from ...numerics.filters import runs
 from .emg_chain import settling_samples, with_surroundings
-from .emg_findings import EmgFinding, dropouts, emg_quality
+from .emg_findings import EmgFinding, dropouts, emg_quality, envelope_words
+
+ENVELOPE_CAUSE = "an envelope, not raw EMG"
+"""Cause of a missed onset where a channel is no raw EMG."""
+
+OTHER_CAUSE = "EMG unfit for onsets"
+"""Cause of a missed onset where samples, rate or duration do not suffice."""
+
+
+class UnseenOnsetError(RecordingError):
+    """No onset can be told in a channel: its message, and its `cause` in few words."""
+
+    def __init__(self, message: str, cause: str = OTHER_CAUSE) -> None:
+        super().__init__(message)
+        self.cause = cause
 
 
 @dataclass(frozen=True)
@@ -183,6 +197,10 @@ def require_activity(
     _energy(time, samples, rest, height, inside)
 
 
+WEAK_CAUSE = f"activity below {ONSET_SEARCH.min_contrast:g} times the RMS of rest"
+"""Cause of a missed onset where a muscle is hardly more active than at rest."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Energy:
     """Energy of raw EMG with its threshold, and what it was made of."""
@@ -223,10 +241,11 @@ def _energy(
     if not rest_rms > 0.0 or np.ptp(samples[still]) == 0.0:
         raise RecordingError("found no signal during rest, expected at least the noise of an amplifier")
     if busy < ONSET_SEARCH.min_contrast * rest_rms:
-        raise RecordingError(
+        raise UnseenOnsetError(
             f"found activity of {busy / rest_rms:.3g} times the RMS of rest ({time[still][0]:.4g} to "
             f"{time[still][-1]:.4g} s), expected at least {ONSET_SEARCH.min_contrast:g} times: a recording with "
-            "rest and with activity"
+            "rest and with activity",
+            WEAK_CAUSE,
         )
     return _Energy(fs, time, raw, own, passed, energy, still, rest_rms, passes)
 
@@ -256,8 +275,9 @@ def _require(time: np.ndarray, samples: np.ndarray, fs: float) -> None:
         raise RecordingError(
             f"found {time[-1] - time[0]:.3g} s of EMG, expected at least {2.0 * ONSET_SEARCH.rest_s:g} s"
         )
-    if np.min(samples) >= 0.0:
-        raise RecordingError("found no sample below 0, as in an envelope, expected raw EMG")
+    said = envelope_words(samples, fs)
+    if said:
+        raise UnseenOnsetError(f"found {said}, expected raw EMG", ENVELOPE_CAUSE)
 
 
 def _stretch(time: np.ndarray, rest: tuple[float, float]) -> slice:

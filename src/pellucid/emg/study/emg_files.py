@@ -28,7 +28,7 @@ def audit_emg(
     files : iterable of path-like
         Files of any format, folders of them, or folders of studies, of which the recordings are read.
     rate : float, optional
-        Sampling rate of files without a column of time [Hz].
+        Sampling rate of files without a column of time [Hz]; by default the one that study.toml states.
     on_progress : callable
         Called with a text and the share done, 0 to 1.
 
@@ -42,7 +42,10 @@ def audit_emg(
         If no channel of EMG is found.
     """
     given = tuple(map(os.fspath, files))
-    found = audit(_recordings_of(given), rate=rate, on_progress=on_progress)
+    stated = _stated_rates(given)
+    found = audit(
+        _recordings_of(given), rate=stated.pop() if rate is None and len(stated) == 1 else rate, on_progress=on_progress
+    )
     verdicts = tuple(v for v in found.verdicts if v.holds.split(",")[0].split(" ")[0] == "emg")
     if not verdicts:
         names = ", ".join(v.channel for v in found.verdicts)
@@ -50,6 +53,17 @@ def audit_emg(
     named = {v.channel for v in verdicts}
     files = tuple(f for f in found.files if f.log is None or any(visible_text(c.name) in named for c in f.log.channels))
     return replace(found, files=files, verdicts=verdicts, paths=given, command="emg quality", question=QUALITY_QUESTION)
+
+
+def _stated_rates(files: Iterable[str | os.PathLike]) -> set[float]:
+    """Return the rates that studies state of recordings without a column of time [Hz]."""
+    configs = [open_study(path).config for path in map(Path, files) if (path / STUDY_FILE).is_file()]
+    specs = [
+        channels.get("time")
+        for config in configs
+        for channels in (config.channels, *(stream.channels for stream in config.streams.values()))
+    ]
+    return {spec.rate for spec in specs if spec is not None and spec.rate is not None}
 
 
 def _recordings_of(files: Iterable[str | os.PathLike]) -> list[Path]:

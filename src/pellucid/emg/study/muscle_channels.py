@@ -20,8 +20,8 @@ from ...study.answer import Step
 from ...study.study import Study
 from ..signals.emg_chain import EmgChain, emg_chain
 from ..signals.emg_findings import (
+    envelope_words,
     exchanged_findings,
-    is_envelope,
     own_maximum_channels,
     own_maximum_finding,
     without_short_peaks,
@@ -195,22 +195,29 @@ def raw_channel(stream: Recording, muscle: str) -> np.ndarray:
 
 def enveloped_muscles(study: Study, table: MuscleTable) -> dict[str, int]:
     """Return the muscles whose channels are stated as raw EMG and hold envelopes, with their number of recordings."""
-    found: Counter[str] = Counter()
+    return dict(Counter(muscle for _, muscle in enveloped_channels(study, table)))
+
+
+def enveloped_channels(study: Study, table: MuscleTable) -> list[tuple[str, str]]:
+    """Return recording and muscle of every channel that is stated as raw EMG and holds an envelope."""
+    found = []
     for recording in find_recordings_with_emg(study, table):
         stream = emg_stream(recording, table)
-        found.update(
-            muscle
+        found.extend(
+            (recording.name, muscle)
             for muscle in find_used_muscles(stream, table)
-            if stream.channels[name := f"emg.{muscle}"].unit == "V" and is_envelope(stream[name], stream.fs)
+            if stream.channels[name := f"emg.{muscle}"].unit == "V" and envelope_words(stream[name], stream.fs)
         )
-    return dict(found)
+    return found
 
 
 def raw_emg_steps(enveloped: Mapping[str, int]) -> tuple[Step, ...]:
     """Return the step that muscles need whose channels hold envelopes where raw EMG was expected; none without any."""
     if not enveloped:
         return ()
-    named = ", ".join(f"{muscle.replace('_', ' ')} ({count} recordings)" for muscle, count in enveloped.items())
+    named = ", ".join(
+        f"{muscle.replace('_', ' ')} ({count} recording{'s' * (count > 1)})" for muscle, count in enveloped.items()
+    )
     return (Step(f"Record raw EMG: the channels of {named} are envelopes, which have lost the signal's own activity"),)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -27,7 +28,9 @@ from ..muscle_channels import (
     MuscleEnvelopes,
     emg_faults,
     envelope_faults,
+    enveloped_channels,
     raise_refusals,
+    raw_emg_steps,
     relative_envelopes,
 )
 from .cocontraction_table import CocontractionTable
@@ -61,6 +64,7 @@ class PairActivity:
     time: np.ndarray = field(repr=False)  # Time of the drawn stretch, shape (k,) [s]
     first: np.ndarray = field(repr=False)  # Envelope of the first muscle in the stretch, shape (k,) [1]
     second: np.ndarray = field(repr=False)  # Envelope of the second muscle in the stretch, shape (k,) [1]
+    enveloped: tuple[str, ...] = ()  # Muscles of which an envelope was recorded, and filtered as raw EMG
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -82,6 +86,7 @@ def find_cocontraction(study: Study, tell: Progress = quiet) -> CocontractionRes
     table = study.table(CocontractionTable)
     raise_refusals(emg_faults(study, table))
     tell("envelopes", 0.1)
+    smooth = [] if table.chain == "none" else enveloped_channels(study, table)
     recordings = _require_pairs(study, table, relative_envelopes(study, table))
     found, rows = [], []
     for each in recordings:
@@ -92,7 +97,8 @@ def find_cocontraction(study: Study, tell: Progress = quiet) -> CocontractionRes
             except RecordingError as error:
                 raise RecordingError(f"recording {each.name}, {' and '.join(pair)}: {error}") from None
             shown = np.abs(each.time - 0.5 * (each.time[0] + each.time[-1])) <= 0.5 * DRAWN_STRETCH_S
-            found.append(PairActivity(each.name, pair, index, each.time[shown], first[shown], second[shown]))
+            own = tuple(muscle for muscle in pair if (each.name, muscle) in smooth)
+            found.append(PairActivity(each.name, pair, index, each.time[shown], first[shown], second[shown], own))
             rows += _rows(study.name, found[-1], each, table.confidence)
     return CocontractionResult(
         study=study.name, headline=_headline(found), tables=(_table(found),), rows=tuple(rows), pairs=tuple(found),
@@ -107,19 +113,31 @@ def cocontraction_answer(result: CocontractionResult) -> Answer:
     for each in result.pairs:
         name, index = f"{' and '.join(each.pair)} in {each.recording}", each.found.common
         numbers.append(AnswerNumber(f"common activity of {name}", index.value, "%", index.interval))
-        if index.interval is None:
+        if each.enveloped:
+            named = " and ".join(each.enveloped).replace("_", " ")
+            parts.append(AnswerPart(name, "cannot say", f"{named}: an envelope, filtered as raw EMG"))
+        elif index.interval is None:
             parts.append(AnswerPart(name, "cannot say", f"{index.value:.0f} %; too short for an interval"))
         else:
             parts.append(AnswerPart(name, "yes", f"{index.value:.0f} % ({_interval_text(index)} %)"))
     count = len(result.checksums)
+    smooth = Counter(muscle for each in result.pairs for muscle in each.enveloped)
+    short = any(each.found.common.interval is None for each in result.pairs)
     return answer_of_parts(
         "Is the co-contraction of each pair known, with an interval?",
         result.headline,
         parts,
         numbers,
         Basis(count, count),
-        improve=(Step(f"Record each pair for {MIN_INTERVAL_S:g} s or longer: shorter recordings give no interval"),),
+        improve=(*raw_emg_steps(smooth), *((ENVELOPE_STEP,) if smooth else ()), *((LONGER_STEP,) if short else ())),
     )
+
+
+LONGER_STEP = Step(f"Record each pair for {MIN_INTERVAL_S:g} s or longer: shorter recordings give no interval")
+"""Next step where recordings are too short."""
+
+ENVELOPE_STEP = Step('Or compare recorded envelopes alone: state their unit as 1 and write `chain = "none"`')
+"""Next step where envelopes were recorded: co-contraction needs no raw EMG, but one kind of channel."""
 
 
 def faults(study: Study) -> list[Fault]:
@@ -157,7 +175,13 @@ def _headline(found: list[PairActivity]) -> str:
     """Return the headline: the range of the common index for each pair."""
     sentences = []
     for pair in dict.fromkeys(each.pair for each in found):
-        values = [each.found.common.value for each in found if each.pair == pair]
+        own = [each for each in found if each.pair == pair]
+        values = [each.found.common.value for each in own if not each.enveloped]
+        lacking = len(own) - len(values)
+        if lacking:
+            sentences.append(f"the activity of {' and '.join(pair)} is not known in {lacking} of {len(own)} recordings")
+        if not values:
+            continue
         span = f"{values[0]:.0f}" if len(values) == 1 else f"{min(values):.0f} to {max(values):.0f}"
         sentences.append(f"{' and '.join(pair)} have {span} % of their activity in common")
     return "; ".join(sentences) + "."

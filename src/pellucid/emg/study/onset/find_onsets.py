@@ -22,7 +22,7 @@ from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow
 from ....study.study import Study
-from ...signals.emg_onset import Burst, activations, require_activity
+from ...signals.emg_onset import OTHER_CAUSE, Burst, UnseenOnsetError, activations, require_activity
 from ..muscle_channels import (
     emg_faults,
     emg_stream,
@@ -59,12 +59,22 @@ class MuscleBursts:
     samples: np.ndarray = field(repr=False)  # Raw EMG for a figure, shape (k,) [V]
 
 
+@dataclass(frozen=True)
+class MissedMuscle:
+    """A muscle of one recording in which no onset could be looked for."""
+
+    recording: str
+    muscle: str
+    cause: str  # why, in few words that are the same for every channel of this cause
+    text: str  # why, with file, channel and numbers
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class OnsetResult(Result):
     """Result of `onset`."""
 
     muscles: tuple[MuscleBursts, ...] = field(default=(), repr=False)
-    missed: tuple[str, ...] = ()  # muscles of recordings in which no onset could be looked for, and why
+    missed: tuple[MissedMuscle, ...] = ()  # muscles of recordings in which no onset could be looked for
     enveloped: Mapping[str, int] = field(default_factory=dict)  # muscles whose channels hold envelopes, not raw EMG
 
     def make_answer(self) -> Answer:
@@ -125,7 +135,8 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
             try:
                 active = _with_raw_emg(activations, stream, muscle, table, **settings)
             except RecordingError as error:
-                missed.append(str(error))
+                cause = error.cause if isinstance(error, UnseenOnsetError) else OTHER_CAUSE
+                missed.append(MissedMuscle(recording.name, muscle, cause, str(error)))
                 rows.append(ResultRow(f"{base}.bursts", None, "1", "onset", split, stream.checksum, str(error)))
                 continue
             span = float(stream.time[-1] - stream.time[0])
@@ -141,8 +152,8 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
             ]
             rows += _rows(base, each, table.confidence, stream.checksum, split)
     if not found:
-        raise RecordingError("\n".join(missed))
-    verdicts = [Verdict("warning", f"{text}; no onset is reported there.") for text in missed]
+        raise RecordingError("\n".join(each.text for each in missed))
+    verdicts = [Verdict("warning", f"{each.text}; no onset is reported there.") for each in missed]
     verdicts += [Verdict("note", text) for text in doubtful]
     if table.rest is None:
         quiet_text = (
@@ -183,8 +194,8 @@ def onset_answer(result: OnsetResult) -> Answer:
     unseen = [each for each in result.muscles if not any(burst.seen for burst in each.bursts)]
     count = len(result.muscles) + len(result.missed)
     good = len(result.muscles) - len(unseen)
-    parts = [AnswerPart(f"{each.muscle} in {each.recording}", "no", "no onset of activity") for each in unseen]
-    parts += [AnswerPart("a muscle", "no", text) for text in result.missed]
+    lacking = [(each, "no beginning of activity") for each in unseen] + [(each, each.cause) for each in result.missed]
+    parts = [AnswerPart(f"{each.muscle} in {each.recording}", "no", cause) for each, cause in lacking]
     said = result.headline
     if parts:
         said = f"Onsets were found in {good} of {count} muscles and recordings. {said}"
@@ -193,7 +204,7 @@ def onset_answer(result: OnsetResult) -> Answer:
         "Was the onset of every muscle found, in every recording?",
         "no" if parts else "yes",
         said,
-        reason_of_parts(parts),
+        f"{len(parts)} not found: {reason_of_parts(parts)}" if parts else "",
         tuple(parts),
         basis=Basis(recordings, recordings),
         next=steps_after("no" if parts else "yes", (PAPER_STEP,), (*raw_emg_steps(result.enveloped), REST_STEP)),
@@ -218,7 +229,7 @@ def _with_raw_emg(
     except RecordingError as error:
         text = str(error)
         text = text if text.startswith(stream.path.name) else f"{name_channel(stream, muscle)}: {text}"
-        raise RecordingError(text) from None
+        raise UnseenOnsetError(text, getattr(error, "cause", OTHER_CAUSE)) from None
 
 
 def _rows(base: str, each: MuscleBursts, level: float, checksum: str, split: str) -> Iterator[ResultRow]:
