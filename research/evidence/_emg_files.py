@@ -45,7 +45,8 @@ SEED = 71_552_009
 
 FILES_PER_LAYOUT = sized(2, smallest=1)
 USED_LAYOUTS = sized(LAYOUTS, smallest=LAYOUTS[:2])
-SPOILINGS = FINDING_KINDS
+SPOILINGS = tuple(kind for kind in FINDING_KINDS if kind != "envelope")
+"""Kinds of findings that spoil raw EMG; an envelope is no spoilt recording but another signal."""
 CHECKED_SPOILINGS = 1
 """Spoilings of each file, by turns, that `check` examines too."""
 

@@ -128,13 +128,24 @@ def test_a_transfer_function_names_the_recordings_that_it_does_not_predict():
         return SimpleNamespace(responses=[SimpleNamespace(fit=inside)])
 
     held = {"slow": SimpleNamespace(fit=40.0), "late": SimpleNamespace(fit=20.0)}
-    found = SimpleNamespace(fits={"slow": fit(45.0), "late": fit(60.0)}, heldout=held, refused={}, unevaluated={})
+    fits = {"slow": fit(45.0), "late": fit(60.0)}
+    found = SimpleNamespace(fits=fits, heldout=held, refused={}, unevaluated={}, notes={"slow": ("3 outliers",)})
     texts = [step.text for step in identify_transfer._improving(found, ["slow", "late"])]
     assert len(texts) == 2
     assert "poles" in texts[0]
     assert "slow" in texts[0]
     assert "late" not in texts[0]
     assert "late" in texts[1]
+
+
+    # It advised more poles for a recording whose repeats fitted to 96 % with the same order.
+    held |= {name: SimpleNamespace(fit=96.0) for name in "abc"}
+    fits |= {name: fit(96.0) for name in "abc"}
+    first, second = (step.text for step in identify_transfer._improving(found, ["slow", "late"]))
+    assert first.startswith("Look at slow first: 3 of 5 recordings fit with the same order, up to 96 %.")
+    assert "(excluded so far: slow: 3 outliers)" in first
+    assert "poles" not in first
+    assert second == texts[1]
 
 
 def test_rules_for_movements_are_spelled_out():

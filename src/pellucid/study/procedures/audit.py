@@ -32,8 +32,8 @@ CORRECTIONS = {
     VERDICT_WORDS["no_time"]: "Give the rate of files without a column of time by `--rate HZ`",
     VERDICT_WORDS["personal"]: "Remove what identifies a person from the files: {channels}",
     VERDICT_WORDS["unit"]: "Correct the unit of {channels}",
-    VERDICT_WORDS["envelope"]: "Record raw EMG for onsets and filters; envelopes serve for co-contraction and force alone "
-    "if study.toml states them as such (unit 1): {channels}",
+    VERDICT_WORDS["envelope"]: "Record raw EMG for onsets and filters; envelopes serve for co-contraction and "
+    "force alone if study.toml states them as such (unit 1): {channels}",
     VERDICT_WORDS["exchanged"]: "Correct the names of {channels}",
     VERDICT_WORDS["impossible"]: "Correct the unit of {channels}, or record again without the impossible values",
     VERDICT_WORDS[held.KIND]: "Log {channels} on a clock of its own, or leave it out of the study (another clock)",

@@ -240,10 +240,22 @@ def transfer_answer(found: TransferResult) -> Answer:
 
 
 def _improving(found: TransferResult, poor: Sequence[str]) -> tuple[Step, ...]:
-    """Return what improves recordings with a `poor` fit: another order or input, or alike excitation throughout."""
+    """Return what improves recordings with a `poor` fit: another order or input, or alike excitation throughout.
+
+    Where most recordings fit with this order, the poor ones are to be examined before another order is tried.
+    """
     dropped = [name for name in poor if _drops(found, name)]
     steps = []
-    if lacking := [name for name in poor if name not in dropped]:
+    lacking = [name for name in poor if name not in dropped]
+    if lacking and (sound := _sound_of_this_order(found)):
+        best = max(found.heldout[name].fit for name in sound)
+        cut = [f"{name}: {note}" for name in lacking for note in found.notes.get(name, ())]
+        steps.append(Step(
+            f"Look at {_listed(lacking)} first: {len(sound)} of {len(found.heldout)} recordings fit with the same "
+            f"order, up to {best:.0f} %. Search them for outliers, changed settings and other inputs"
+            f"{f' (excluded so far: {_listed(cut)})' if cut else ''}, and record them again"
+        ))  # fmt: skip
+    elif lacking:
         steps.append(Step(
             f"Try more poles or zeros in [transfer_function], or record the other inputs, in {_listed(lacking)}: a "
             "linear model of this order does not follow the output"
@@ -256,6 +268,15 @@ def _improving(found: TransferResult, poor: Sequence[str]) -> tuple[Step, ...]:
         names = _listed([*found.refused, *found.unevaluated] or list(found.fits))
         steps.append(Step(f"Record {names} again and longer, so that a part can be held out"))
     return tuple(steps)
+
+
+def _sound_of_this_order(found: TransferResult) -> list[str]:
+    """Return the recordings that this order predicts, if they are most: the fault then lies in the other recordings.
+
+    An order that is too low, or an input that is lacking everywhere, shows in most recordings.
+    """
+    sound = [name for name, r in found.heldout.items() if r.fit >= TRANSFER_THRESHOLDS.good_fit_percent]
+    return sound if 2 * len(sound) > len(found.heldout) else []
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -301,10 +322,16 @@ def _verdicts(result: TransferResult) -> Iterator[Verdict]:
     if worst:
         low, high = f"{min(worst.values()):.1f}", f"{max(worst.values()):.1f}"
         one, by = len(worst) == 1, low if low == high else f"{low} to {high}"
+        cause = "The system is nonlinear, has more poles, or has other inputs."
+        if sound := _sound_of_this_order(result):
+            cause = (
+                f"{len(sound)} of {len(result.heldout)} recordings fit with the same order: these differ by outliers, "
+                "settings, or other inputs."
+            )
         yield Verdict(
             "warning",
-            f"Recording{'s' * (not one)} {', '.join(worst)}: the fit of the transfer function is only {by} %. The "
-            f"system is nonlinear, has more poles, or has other inputs.",
+            f"Recording{'s' * (not one)} {', '.join(worst)}: the fit of the transfer function is only {by} %. "
+            f"{cause}",
         )
     for name, made in fits.items():
         weak = [p.name for p in made.parameters if not p.identifiable]
