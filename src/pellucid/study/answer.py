@@ -33,6 +33,9 @@ USE_QUESTION = "May these figures be used?"
 WORN_TOGETHER = "machine and limb together"
 """What the parameters of a machine that somebody wears describe."""
 
+DIGITISED = "digitised from published figures"
+"""Origin of recordings that are curves of a paper's figures, which lack its noise, clock and samples."""
+
 RECORDED_UNITS = ("recording", "file")
 """Counted units that are recordings themselves, and not what was made of them."""
 
@@ -109,6 +112,8 @@ class Basis:
         Whether the recordings were simulated; None where that is not known, or not the same for all.
     is_worn : bool
         Whether somebody wears the machine that was identified.
+    is_digitised : bool
+        Whether the recordings were read off published figures.
     more : tuple of str
         Further sentences, such as on the analysis that was registered.
     parts : int
@@ -126,6 +131,7 @@ class Basis:
     more: tuple[str, ...] = ()
     parts: int = 0
     held_out: int = 0
+    is_digitised: bool = False
 
     @property
     def sentence(self) -> str:
@@ -133,7 +139,8 @@ class Basis:
         text = f"{self.used} of {self.recorded}" if self.used != self.recorded else f"{self.recorded}"
         text += f" {_plural(self.counted, self.recorded)}{f' in {self.parts} parts' if self.parts else ''}"
         origins = {True: "simulated", False: "measured", None: "as recorded" if self.counted in RECORDED_UNITS else ""}
-        words = [text, origins[self.is_simulated], f"of {WORN_TOGETHER}" if self.is_worn else ""]
+        origin = DIGITISED if self.is_digitised else origins[self.is_simulated]
+        words = [text, origin, f"of {WORN_TOGETHER}" if self.is_worn else ""]
         whole, noun = (self.parts, "part") if self.parts else (self.used, self.counted)
         judged = f"held-out data: {self.held_out} of {whole} {_plural(noun, whole)}" if self.held_out else self.judged
         based_on = f"Based on {', '.join(filter(None, words))}{f'; numbers are of {judged}' if judged else ''}."

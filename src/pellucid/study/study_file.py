@@ -1111,6 +1111,8 @@ class StudyFile(StudyTable):
         Defaults that nobody confirmed; every answer repeats them.
     simulated : bool, optional
         Whether the recordings were simulated; omitted where that is not known.
+    digitised : bool
+        Whether the recordings were read off published figures.
     worn : bool
         Whether somebody wears the machine: parameters are then those of machine and limb together.
     rig : OneJoint or SeveralJoints
@@ -1141,6 +1143,7 @@ class StudyFile(StudyTable):
     notes: tuple[str, ...] = ()
     assumed: tuple[AssumedDefault, ...] = ()
     simulated: bool | None = None
+    digitised: bool = False
     worn: bool = False
     rig: RigTable
     participants: dict[Word, Participant] = Field({})

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 PROCEDURE_KEY = "procedure"
 """Key of a card's sources that names the procedure which made it; every other key names a table or a file."""
 
-UNUSED_TABLES = frozenset({"name", "citation", "notes", "assumed", "simulated", "worn"})
+UNUSED_TABLES = frozenset({"name", "citation", "notes", "assumed", "simulated", "digitised", "worn"})
 """Parts of study.toml that no identification uses."""
 
 

@@ -44,7 +44,7 @@ def with_study(study: Study, answer: Answer) -> Answer:
     """Return an answer with what its study states: the origin of its basis, unconfirmed defaults, and the folder."""
     config, basis = study.config, answer.basis
     if basis is not None:
-        basis = replace(basis, is_simulated=config.simulated, is_worn=config.worn)
+        basis = replace(basis, is_simulated=config.simulated, is_worn=config.worn, is_digitised=config.digitised)
     return replace(answer, basis=basis, assumed=assumptions_of(study)).in_folder(study.folder)
 
 

@@ -166,7 +166,10 @@ def isolated_result(study: Study, tell: Progress = quiet) -> IsolatedMuscleResul
     fit = isolated_muscle(study)
     heads = ("Trial", "amplitude [mm]", "mean absolute error [% of F_iso]", "")
     shown = ((t.name, 1e3 * t.amplitude, t.mae_percent, "fitted" if t.use == "fit" else "held out") for t in fit.trials)
-    summary = f"{fit.rigid_mae_percent:.1f} % with a rigid tendon; the length's offset is {1e3 * fit.offset:.2f} mm"
+    summary = (
+        f"Over all {len(fit.trials)} amplitudes, the fitted ones included, the mean error is {fit.mae_percent:.1f} %, "
+        f"and {fit.rigid_mae_percent:.1f} % with a rigid tendon; the length's offset is {1e3 * fit.offset:.2f} mm."
+    )
     level, tables, posterior_notes = study.table(IsolatedMuscleTable).confidence, [], []
     if fit.posterior is not None:
         compared = pair_with_posterior((fit.interval,), fit.posterior)
