@@ -3,13 +3,16 @@
 import importlib
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import fabricate
 import pytest
 
 from pellucid.arm.study import tree_findings
 from pellucid.joint.study import joint_findings
 from pellucid.models.estimates import VERDICT_KINDS, Verdict, rank_verdicts
+from pellucid.study.pages.quantities import parameter_note
 from pellucid.study.procedures.findings import collect_findings, finders
 
 FINDINGS = '''"""A joint that is cold."""
@@ -48,6 +51,27 @@ def test_worst_comes_first_and_praise_last():
 def test_the_joints_findings_are_found():
     names = {name for name, _ in finders(joint_findings)}
     assert {"prediction", "weak_parameter", "estimators_disagree"} <= names
+
+
+def test_an_interval_that_excludes_another_estimate_is_marked():
+    """A finding said that the headline's intervals contain the other estimates, which were outside."""
+    fit = next(iter(fabricate.fit(samples=400).families.values()))
+    own = fit.estimate["inertia"]
+    plain = {m: replace(e, parameters=fit.estimate.parameters) for m, e in fit.others.items()}
+    assert joint_findings.names_outside(replace(fit, others=plain), 0.95) == []
+    apart = replace(own, value=own.value + 6.0 * own.standard_error, influence=1.0)
+    parameters = tuple(apart if p.name == "inertia" else p for p in fit.estimate.parameters)
+    held = tuple(replace(p, influence=10.0) for p in fit.estimate.parameters)
+    fit = replace(
+        fit,
+        estimate=replace(fit.estimate, parameters=held),
+        others={"output_error": replace(fit.others["output_error"], parameters=parameters)},
+    )
+    outside = joint_findings.names_outside(fit, 0.95)
+    assert outside == ["inertia"]
+    marked = fit.with_doubt(outside, joint_findings.DISAGREEMENT_DOUBT).headline.estimate
+    assert parameter_note(marked["inertia"], 0.95) == "estimators disagree"
+    assert parameter_note(marked["viscous"], 0.95) == ""
 
 
 @pytest.mark.parametrize(

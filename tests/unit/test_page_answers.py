@@ -128,7 +128,7 @@ def test_a_long_headline_goes_on_below_the_first_screen():
 def test_a_value_is_marked_with_the_id_of_its_row_through_every_sentence():
     value = Value("my_study.headline.heldout.effort_error", -0.0123, "−0.0123")
     text = typeset_sentence(f"an error of {value} N*m & more_words")
-    assert plain_text(text) == "An error of −0.0123 N·m & more words"
+    assert plain_text(text) == "An error of −0.0123\xa0N·m & more words"
     found = VALUE.search(marked_up(text))
     assert found.groups() == ("-0.0123", value.id, "−0.0123")
     assert "&amp;" in marked_up(text)
@@ -194,6 +194,60 @@ def test_a_joint_says_how_many_recordings_are_beyond_the_bound():
     assert said.endswith(f"an error of 11.4 % (8.00 to 29.3 % by recording; 1 of 2 within 20 %, {rule}).")
 
 
+WIDE = Verdict(
+    "warning", "Wide confidence intervals: load friction ± 90 % (0.35 ± 0.31).",
+    "Record with and without a known mass.", finding="wide_interval",
+)  # fmt: skip
+
+
+def predicting(errors=(5.0, 5.0, 5.0), held=10.0, **changes):
+    """Return a made-up fit whose model predicts, with its `errors` [%] in the held-out recordings."""
+    fit = fabricate.fit(heldout=len(errors), samples=400, effort_unit=changes.pop("effort_unit", None))
+    family, single = fit.families[fit.best], {f"trial_{i + 1}": error for i, error in enumerate(errors)}
+    made = tuple(
+        replace(p, predicted=(1.0 + 0.01 * single.get(p.recording, 5.0)) * p.effort) for p in family.predictions
+    )
+    family = replace(family, predictions=made, heldout_effort_error=held, heldout_r2=0.96, fitted_effort_error=9.46)
+    return replace(fit, families={**fit.families, fit.best: family}, **changes)
+
+
+def test_what_a_controller_lacks_is_recorded_before_it_is_exported():
+    """The next step after yes was the controller, although load friction was known to ± 90 %."""
+    record, export = predicting(verdicts=(WIDE,)).answer.next
+    assert record.sentence == (
+        "Before a controller is used, record with and without a known mass (wide confidence intervals: load "
+        "friction ± 90 %)."
+    )
+    assert export.name == "export"
+    assert predicting(verdicts=(replace(WIDE, kind="note"),)).answer.next == (export,)
+
+
+def test_a_recording_beyond_the_bound_is_named_before_a_controller():
+    answer = predicting((5.0, 30.0, 5.0)).answer
+    assert answer.verdict == "yes"
+    assert answer.next[0].text.startswith("Find what differs in recording 'trial_2', whose error is 30.0 %")
+
+
+def test_an_error_near_the_bound_says_so_and_asks_for_another_recording():
+    """Yes stood for 19.95 % of 20 %, twice the error of the fit, of a single held-out part."""
+    close = predicting((5.0,), 19.96).answer
+    assert "error of 20.0 % (R² 0.960), just within 20 %; on the fitted data 9.46 %" in close.sentence
+    assert close.next[0].text.startswith("Record a second recording to hold out")
+    assert "just within" not in predicting((5.0,)).answer.sentence
+
+
+def test_a_drive_of_unknown_constant_asks_for_a_known_payload():
+    unknown = Verdict("note", "The drive constant is unknown.", "Add a recording.", finding="drive_constant")
+    answer = predicting(verdicts=(unknown,), effort_unit="V").answer
+    assert "Record with a known payload too: without it, all parameters are per volt" in answer.next[0].text
+
+
+def test_no_line_breaks_between_a_number_and_its_unit():
+    said = typeset_sentence(f"An error of {Value('a.b', 0.254, '0.254')} % and {Value('a.c', 2.0, '2')} N*m in 2 s.")
+    assert plain_text(said) == "An error of 0.254\xa0% and 2\xa0N·m in 2\xa0s."
+    assert typeset_sentence("Run `try a 2 s` on 4 samples.") == "Run `try a 2 s` on 4 samples."
+
+
 @pytest.mark.parametrize(("kind", "verdict"), [("wrong", "cannot say"), ("warning", "cannot say"), ("note", "yes")])
 def test_findings_answer_where_a_procedure_does_not(kind, verdict):
     section = Section("a", "A", drawings=(drawing("first"), drawing("second")))
@@ -208,7 +262,9 @@ def test_findings_answer_where_a_procedure_does_not(kind, verdict):
 def test_several_procedures_give_one_answer_and_a_section_for_each_other_one():
     pages = [
         study_page(
-            f"s: {what}", answer_of_findings(f"{what} is so.", ()), (),
+            f"s: {what}",
+            answer_of_findings(f"{what} is so.", ()),
+            (),
             (Section(what, what, ("x",), drawings=(drawing(),)),),
         )
         for what in ("one", "two")

@@ -1,5 +1,6 @@
 """`try`: a log in, one page out, by the code of `init`, `check` and `identify`."""
 
+import html
 import json
 import os
 import re
@@ -116,10 +117,28 @@ def test_figures_that_scale_with_a_default_say_that_it_is_not_confirmed(tmp_path
     assert done.exit_code == 0
     assert "Yes (scale not confirmed). The" in said
     assert "no file states the scale of the parameters; assumed: effort = torque in N·m." in said
-    assert 'Confirm or correct the scale: try again with --answer "effort=torque in N*m".' in " ".join(said.split())
+    step = f"Confirm or correct the scale: pellucid try {path} --answer 'effort=torque in N*m'\n"
+    assert step in said  # it ends with the command, so that it can be copied
+    first = following_of(tmp_path / "open" / "index.html")[0]
+    assert html.unescape(first) == step.strip()
     assert "Yes (scale not confirmed)" in first_screen(tmp_path / "open" / "index.html")
     said = run(path, "-q", "--answer", "effort=torque in N*m").output
     assert "Yes. The" in said
+
+
+def test_a_step_that_confirms_a_scale_says_how_the_numbers_were_read(tmp_path):
+    """Counts of 0.00269 A were read as such, while the step asked to confirm a "current in A"."""
+    p = made_layouts.swing(20)
+    heads = "Realtime Tick,Present Position,Present Velocity,Present Current,Goal Position"
+    columns = [
+        np.round(1e3 * p["t"]), np.round(4096 * p["q"] / (2 * np.pi)) + 2048,
+        np.round(np.gradient(p["q"], p["t"]) * 30 / np.pi / 0.229), np.round(p["tau"] / 0.00269),
+        np.round(4096 * p["q"] / (2 * np.pi)) + 2050,
+    ]  # fmt: skip
+    said = run(table_file(tmp_path, heads, columns), "-q").output
+    step = next(line for line in said.splitlines() if line.startswith("Confirm or correct"))
+    assert 'one count of "Present Current" is already read as 0.00269 A (Dynamixel X series' in step
+    assert step.endswith("--answer 'effort=current in 0.00269 A'")
 
 
 def test_a_motor_s_turns_become_the_joint_s(tmp_path):
@@ -180,7 +199,7 @@ def test_a_gear_in_a_comment_is_the_default_of_a_motor_s_turns(tmp_path):
     assert {question.key: question.default for question in proposal.asked}["gear_turns"] == "9"
     said = run(path, "-q").output
     assert "scale not confirmed" in said
-    assert '--answer "gear_turns=9"' in " ".join(said.split())
+    assert "--answer gear_turns=9" in " ".join(said.split())
     by_motor = headline(path, "--answer", "gear_turns=9")
     path = table_file(tmp_path, "time [s],q_rad,tau_Nm", [p["t"], p["q"], p["tau"]])
     assert by_motor["inertia"] == pytest.approx(headline(path)["inertia"], rel=1e-3)
@@ -288,10 +307,9 @@ def test_a_refusal_for_want_of_an_answer_says_how_to_give_it(tmp_path):
     p = made_layouts.swing(23)
     path = table_file(tmp_path, "time [s],knee_deg,loadcell_N", [p["t"], np.degrees(p["q"]), p["tau"] / 0.25])
     run(path, "--out", tmp_path / "out")
-    answer, repeat = following_of(tmp_path / "out" / "index.html")
-    assert answer.startswith("Add the answer to the command, with the right value: --answer")
+    (answer,) = following_of(tmp_path / "out" / "index.html")
+    assert answer.startswith(f"Repeat with the answer, with the right value: pellucid try {path} --answer")
     assert "lever_arm=0.3 m" in answer
-    assert "pellucid try" in repeat
     done = run(path, "--answer", "colour=red", "--out", tmp_path / "unknown")
     assert done.exit_code != 0
     assert following_of(tmp_path / "unknown" / "index.html")

@@ -54,6 +54,8 @@ class Parameter:
     carried : float, optional
         For a friction coefficient: the value that a compensation may use. Together with the other coefficients it
         exceeds the true friction in at most one case of twenty.
+    doubt : str
+        Why the interval may exclude the true value although it may be read, in a few words; empty without a reason.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Parameter:
     statistical_error: float = float("nan")
     refused: str = ""
     carried: float | None = None
+    doubt: str = ""
 
     def __post_init__(self) -> None:
         if isnan(self.statistical_error):

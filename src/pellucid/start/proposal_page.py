@@ -171,8 +171,8 @@ def steps_after(reason: str, again: str) -> tuple[Step, ...]:
     do = re.search(rf"(?<=[.;] )(?:{'|'.join(ADVICE_VERBS)}) .*", capitalised_sentences(reason))
     expected = re.search(r"expected (.*)", reason)
     if given:
-        first = f"Add the answer to the command, with the right value: `--answer {shlex.quote(given)}`"
-    elif do is not None:
+        return (Step("Repeat with the answer, with the right value", line=f"{again} --answer {shlex.quote(given)}"),)
+    if do is not None:
         first = do[0]
     else:
         first = f"Correct the files, or record again: expected {expected[1]}" if expected else "Correct the files"

@@ -1551,7 +1551,7 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             yield Question(
                 "effort",
                 f'Which quantity does the column "{role.column}" hold, and in which unit?',
-                f"{role.quantity} in {role.unit}",
+                f"{role.quantity} in {_scale_text(role)}{role.unit}",
                 f"whether results are torques ({role.why})",
                 ("torque in N*m", "current in A", "voltage in V", "duty in 1", "force in N"),
             )
@@ -1827,6 +1827,22 @@ def _with_drive_constants(main: Layout, answer: str, drive: str | None, motion: 
         return replace(role, quantity="torque" if motion == "rotary" else "force", is_certain=True, **said)
 
     return main.with_each(turned)
+
+
+def _scale_text(role: ColumnRole) -> str:
+    """Return how many of its unit one stored number of a channel is, before the unit; "" for one."""
+    scale = float(str(role.keys.get("scale", 1.0)))
+    return "" if scale == 1.0 else f"{np.format_float_positional(scale, precision=6, fractional=False, trim='-')} "
+
+
+def scale_reading(proposal: Proposal) -> str:
+    """Return how the stored numbers of the driving effort were read, to follow a text; "" where they are the unit."""
+    found = _main_effort([proposal.main, *proposal.streams], proposal.drive) if proposal.drive else None
+    if found is None or not _scale_text(found[1]):
+        return ""
+    role = found[1]
+    why = f" ({role.unit_why})" if role.unit_why else ""
+    return f'; one count of "{role.column}" is already read as {_scale_text(role)}{role.unit}{why}'
 
 
 def _effort_answer(answer: str) -> tuple[str, str, dict[str, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from ..study.answer import REPORT_COMMAND, Answer, Assumption, Step
 from ..study.procedures.result import HeldOutEffort, Result
 from ..study.study import Study
 from .proposal import NO_ANSWERS, Proposal
+from .propose_study import scale_reading
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,8 @@ class TriedLog:
         Defaults and guesses on which the result depends.
     next_command : str
         Command that makes a study of the same files in a folder of the user's.
+    again_command : str
+        Command that tries the same files again.
     robot_command : str
         Command that tries the same files with the robot's URDF; "" unless several joints were identified one by one.
     """
@@ -55,6 +59,7 @@ class TriedLog:
     joints: tuple[TriedJoint, ...]
     assumptions: tuple[Assumption, ...]
     next_command: str
+    again_command: str
     robot_command: str = ""
 
     @property
@@ -75,14 +80,20 @@ class TriedLog:
     @property
     def answer(self) -> Answer:
         """The result's answer; its next steps confirm a scale or correct a cause, and make a study of these files."""
+        found = self.result.answer
         steps = [Step("Make a study of these files", line=self.next_command)]
         taken = [a for a in self.assumptions if a.is_scale]
+        if found.verdict == "yes":
+            steps = [*(step for step in found.next if not step.command), *steps]
         if self.result.answer.verdict != "yes" and not taken:
             steps = [*(step for step in self.result.answer.next if step.name != REPORT_COMMAND), *steps]
         if taken:
-            shown = (a.taken if a.taken not in NO_ANSWERS else "..." for a in taken)
-            answers = " ".join(f'--answer "{a.subject}={value}"' for a, value in zip(taken, shown, strict=True))
-            steps.insert(0, Step(f"Confirm or correct the scale: try again with `{answers}`"))
+            shown = {a.subject: a.taken if a.taken not in NO_ANSWERS else "..." for a in taken}
+            command = self.again_command + "".join(
+                f" --answer {shlex.quote(f'{key}={value}')}" for key, value in shown.items()
+            )
+            read_as = scale_reading(self.proposal) if "effort" in shown else ""
+            steps.insert(0, Step(f"Confirm or correct the scale{read_as}: `{command}`"))
         if self.robot_command:
             steps.append(Step("Or identify one model of all joints, with the robot's URDF", line=self.robot_command))
         return replace(self.result.answer, next=tuple(steps))

@@ -85,6 +85,7 @@ def try_log(
         _joints_of(study, result),
         assumptions_of(proposal, made.text),
         file_command(("init", name, "--from"), files, answers or {}, urdf),
+        again,
         file_command(("try",), files, answers or {}, "ROBOT.urdf") if _is_joint_by_joint(study, command) else "",
     )
     return replace(tried, page=write_page(folder, try_page(tried)))

@@ -215,7 +215,7 @@ class Step:
         """The step in a sentence, with its command between backticks."""
         if self.command:
             return f"{self.text}: `{self.command}`."
-        return self.text if self.text.endswith("?") else f"{self.text.rstrip('.')}."
+        return self.text if self.text.endswith(("?", "`")) else f"{self.text.rstrip('.')}."
 
 
 PAPER_STEP = Step("Write figures, tables and methods for a paper", "paper")

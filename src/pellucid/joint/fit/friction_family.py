@@ -6,7 +6,7 @@ beyond their interval.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -156,6 +156,15 @@ class FamilyFit:
             chosen.model, chosen, self.others, made, self.simulations, self.failures, *fitted, *heldout, self.choice,
             made, excerpt=self.excerpt, band=self.band,
         )  # fmt: skip
+
+    def with_doubt(self, names: Collection[str], doubt: str) -> FamilyFit:
+        """Return the fit whose chosen estimate states a `doubt` on the intervals of parameters."""
+        chosen = self.headline.estimate
+        marked = tuple(replace(p, doubt=doubt) if p.name in names else p for p in chosen.parameters)
+        made = replace(chosen, parameters=marked)
+        if self.choice is None or self.choice.method == "ls":
+            return replace(self, estimate=made)
+        return replace(self, others={**self.others, self.choice.method: made})
 
     @property
     def family(self) -> str:

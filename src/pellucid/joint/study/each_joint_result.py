@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from ...models.estimates import Parameter, Verdict
 from ...study.answer import Answer, AnswerPart, Basis, Step, answer_of_parts, needed_of_parts
 from ...study.pages.quantities import percent, unit_text, value_and_half_interval
-from ...study.procedures.findings import MAX_GOOD_ERROR
+from ...study.procedures.findings import MAX_GOOD_ERROR, MAX_IMPROVING_STEPS
 from ...study.procedures.result import FigureTable, HeldOutEffort, Result
 from ...study.study import Study
 from .joint_coupling import ROBOT_STEP
@@ -131,6 +131,14 @@ def _improving(found: EachJointResult) -> tuple[Step, ...]:
     return tuple(replace(step, text=f"{joint}: {step.text}") for joint, steps in first.items() for step in steps)
 
 
+def _recording_steps(found: EachJointResult) -> tuple[Step, ...]:
+    """Return what to record, by joint, before the models that predict are used."""
+    own = {joint: result.make_answer() for joint, result in found.joints.items()}
+    steps = [replace(step, text=f"{joint}: {step.text}") for joint, each in own.items() if each.verdict == "yes"
+             for step in each.next if not step.command]  # fmt: skip
+    return tuple(steps[:MAX_IMPROVING_STEPS])
+
+
 def each_joint_answer(found: EachJointResult) -> Answer:
     """Return whether each joint's own model predicts its effort where it was not fitted."""
     answers = {joint: result.make_answer() for joint, result in found.joints.items()}
@@ -158,6 +166,6 @@ def each_joint_answer(found: EachJointResult) -> Answer:
         numbers,
         Basis(recordings, recordings, judged=" and ".join(filter(None, judged))),
         improve=(*_improving(found), ROBOT_STEP),
-        next=(ROBOT_STEP,),
+        next=(*_recording_steps(found), ROBOT_STEP),
         is_relative=True,
     )

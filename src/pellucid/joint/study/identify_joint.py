@@ -176,6 +176,8 @@ def identify_joint(
     best = choice.family
     as_good = [solved[c.family].estimate_by(c.method) for c in choice.as_good if c.name != (best, choice.method)]
     fits[best] = solved[best].with_choice(choice, everything, as_good)
+    doubted = joint_findings.names_outside(fits[best], study.model.confidence)
+    fits[best] = fits[best].with_doubt(doubted, joint_findings.DISAGREEMENT_DOUBT)
     del solved  # its regressors are large
     posterior, no_posterior = None, ""
     if study.model.posterior:

@@ -7,11 +7,11 @@ from typing import Protocol
 
 import numpy as np
 
-from ...models.estimates import Verdict
+from ...models.estimates import Verdict, rank_verdicts
 from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Basis, Step, steps_after
 from ...study.pages.quantities import EFFORT_NAMES, number, percent
 from ...study.pages.values import Value
-from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2, improving_steps
+from ...study.procedures.findings import MAX_GOOD_ERROR, MAX_IMPROVING_STEPS, SOUND_R2, improving_steps
 from ...study.procedures.result import HeldOutEffort
 from ..fit.friction_family import FamilyFit
 from ..fit.replay import Prediction, Simulation, r_squared, relative_error
@@ -73,6 +73,20 @@ HOLD_OUT_STEP = Step('Hold out some recordings (write `use = "validate"` in stud
 CONTROLLER_STEP = Step("Export a controller", "export")
 """Next step with a model that predicts."""
 
+UNIDENTIFIED_FINDINGS = ("wide_interval", "weak_parameter")
+"""Findings that a parameter is not known well enough for a controller."""
+
+JUST_WITHIN_SHARE = 0.1
+"""An error is just within its bound if less than this share of the bound is left. Chosen by judgement."""
+
+SECOND_RECORDING_STEP = Step(
+    f"Record a second recording to hold out: a single one decides, and its error is just within {MAX_GOOD_ERROR:g} %"
+)
+"""Next step where a single held-out recording decides by a small margin."""
+
+PAYLOAD_STEP = "Record with a known payload too: without it, all parameters are per {unit}, and masses are not known"
+"""Next step where the drive's constant is unknown."""
+
 RICHER_STEP = Step(
     "Record slow and fast motion in both directions over the range of the held-out recordings, and add friction "
     "families to [model]"
@@ -99,8 +113,9 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     said = f"{model} predicts the {effort} of {judged} with an error of {error} %"
     ranged = error_range_text(fit) if held else ""
     known_r2 = f" (R² {number(r2, digits=3)})" if np.isfinite(r2) and not ranged else ""
-    said += f"{ranged}{known_r2}{_constant_text(fit, effort)}."
     verdict, reason = _verdict(error.number, r2, judged)
+    near = _margin_text(fit, error.number) if verdict == "yes" else ""
+    said += f"{ranged}{known_r2}{near}{_constant_text(fit, effort)}."
     no_machine = next((v.text for v in fit.verdicts if v.finding in NO_MACHINE_FINDINGS and v.kind == "warning"), "")
     if verdict == "yes" and no_machine:
         verdict, reason = "cannot say", no_machine[:1].lower() + no_machine[1:].rstrip(".")
@@ -108,12 +123,45 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     numbers = [AnswerNumber(f"error of the {effort} on {judged}", error.number, "%", id=error.id)]
     if np.isfinite(r2):
         numbers.append(AnswerNumber(f"R2 on {judged}", r2, "1"))
-    steps = steps_after(verdict, (CONTROLLER_STEP,), improving_steps(fit.verdicts, RICHER_STEP))
+    before = _recording_steps(fit, is_close=bool(near))
+    steps = steps_after(verdict, (*before, CONTROLLER_STEP), improving_steps(fit.verdicts, RICHER_STEP))
     steps = steps if held else (HOLD_OUT_STEP, *steps)
     return Answer(
         question, verdict, said, reason, numbers=tuple(numbers), basis=_basis(fit, judged),
         next=steps, is_relative=True,
     )  # fmt: skip
+
+
+def _margin_text(fit: JudgedJoint, error: float) -> str:
+    """Return that an error [%] is just within the bound, and by how much it exceeds the fitted one; "" otherwise."""
+    if error <= (1.0 - JUST_WITHIN_SHARE) * MAX_GOOD_ERROR:
+        return ""
+    fitted = float(fit.headlined.fitted_effort_error)
+    beside = f"; on the fitted data {percent(fitted)} %" if np.isfinite(fitted) else ""
+    return f", just within {MAX_GOOD_ERROR:g} %{beside}"
+
+
+def _recording_steps(fit: JudgedJoint, *, is_close: bool) -> tuple[Step, ...]:
+    """Return what to record before a model that predicts is used."""
+    groups = by_recording([p for p in fit.headlined.predictions if p.split == "heldout"])
+    unknown = [v for v in rank_verdicts(fit.verdicts) if v.kind == "warning" and v.finding in UNIDENTIFIED_FINDINGS]
+    steps = [Step(f"Before a controller is used, {_advice_with_reason(v)}") for v in unknown if v.do]
+    errors = {group[0].recording: pooled_error(group) for group in groups} if len(groups) > 1 else {}
+    worst = max(errors, key=errors.__getitem__, default="")
+    if worst and errors[worst] > MAX_GOOD_ERROR:
+        text = f"Find what differs in recording '{worst}', whose error is {percent(errors[worst])} %"
+        steps.append(Step(f"{text}: a payload, another setting, the temperature"))
+    if is_close and len(groups) == 1:
+        steps.insert(0, SECOND_RECORDING_STEP)
+    if any(v.finding == "drive_constant" and v.kind == "note" and v.do for v in fit.verdicts):
+        steps.append(Step(PAYLOAD_STEP.format(unit={"A": "ampere", "V": "volt"}.get(fit.effort_unit, fit.effort_unit))))
+    return tuple(steps[:MAX_IMPROVING_STEPS])
+
+
+def _advice_with_reason(verdict: Verdict) -> str:
+    """Return a verdict's advice within a sentence, with the beginning of its text as the reason."""
+    advice, reason = verdict.do.rstrip("."), verdict.text.split(" (", 1)[0].rstrip(".")
+    return f"{advice[:1].lower()}{advice[1:]} ({reason[:1].lower()}{reason[1:]})"
 
 
 def _verdict(error: float, r2: float, judged: str) -> tuple[AnswerVerdict, str]:

@@ -29,7 +29,7 @@ from ...study.cause_words import cause_sentence
 from ...study.pages.quantities import METHODS, interval_text, number, parameter_label, unit_text
 from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.posterior_beside import pair_with_posterior, posterior_verdicts
-from ..fit.friction_family import added_terms
+from ..fit.friction_family import FamilyFit, added_terms
 from ..fit.friction_solver import solve_family
 from ..fit.headline_choice import Candidate
 from ..fit.joint_estimate import JointEstimate
@@ -278,6 +278,10 @@ def report_contradicting_recordings(case: JointCase) -> Iterator[Verdict]:
                 yield Verdict("warning", f"Recording '{name}' differs. {payload}", PAYLOAD_ADVICE, weight=10.0)
 
 
+DISAGREEMENT_DOUBT = "estimators disagree"
+"""Note on a parameter whose interval excludes the estimate of another estimator."""
+
+
 def _disagreements(case: JointCase) -> tuple[Disagreement, ...]:
     """Find disagreements with the best family, or with families that fit better if it finds none in the body."""
     fits = sorted(case.fits.values(), key=lambda f: (f.family != case.best, f.fitted_effort_error))
@@ -393,9 +397,7 @@ def report_estimators_disagree(case: JointCase) -> Iterator[Verdict]:
     """Report estimators that disagree, or that do far better at something that the headline is not chosen for."""
     fit, choice = case.fit, case.choice
     compared = choice.methods_of(case.best)
-    estimates = {fit.estimate.method: fit.estimate, **{n: e for n, e in fit.others.items() if e.converged}}
-    apart = {p.name: _disagreeing_methods(p, estimates, case.level) for p in fit.estimate.parameters}
-    apart = {name: methods for name, methods in apart.items() if methods}
+    estimates, apart = _differing_estimates(fit, case.level)
     shown = {"ls", choice.method, *_winners(compared), *(m for methods in apart.values() for m in methods)}
     involved = [m for m in estimates if m in shown]
     if apart:
@@ -408,11 +410,34 @@ def report_estimators_disagree(case: JointCase) -> Iterator[Verdict]:
             f"Estimators disagree by more than their intervals: {differences_text}. The model lacks an effect, "
         )
         text += "and each estimator weighs that error differently. "
-        text += "The headline's intervals contain the better estimates."
+        outside = names_outside(fit, case.level)
+        if outside:
+            names = ", ".join(parameter_label(name) for name in outside)
+            text += f"Do not rely on the printed interval of {names}: the other estimate is outside it."
+        else:
+            text += "The printed intervals contain all of these estimates."
         yield Verdict("warning", f"{text} {_used(case, involved)}", _advice(case), weight=10.0)
     elif choice.method != "ls":
         text = f"Ordinary least squares predicts worse than {METHODS[choice.method]} in cross-validation."
         yield Verdict("note", f"{text} {_used(case, involved)}", weight=5.0)
+
+
+def _differing_estimates(fit: FamilyFit, level: float) -> tuple[dict[str, JointEstimate], dict[str, list[str]]]:
+    """Return a family's estimates by method, and the methods that disagree with least squares by parameter."""
+    estimates = {fit.estimate.method: fit.estimate, **{n: e for n, e in fit.others.items() if e.converged}}
+    apart = {p.name: _disagreeing_methods(p, estimates, level) for p in fit.estimate.parameters}
+    return estimates, {name: methods for name, methods in apart.items() if methods}
+
+
+def names_outside(fit: FamilyFit, level: float) -> list[str]:
+    """Return the parameters whose interval in the headline excludes an estimate that disagrees."""
+    estimates, apart = _differing_estimates(fit, level)
+    head, outside = fit.headline.estimate, []
+    for name, methods in apart.items():
+        low, high = head[name].interval(level)
+        if any(not low <= estimates[method][name].value <= high for method in ("ls", *methods)):
+            outside.append(name)
+    return outside
 
 
 def report_other_purpose(case: JointCase) -> Iterator[Verdict]:

@@ -182,7 +182,7 @@ def parameter_note(parameter: Parameter, level: float) -> str:
     if parameter.refused:
         return parameter.refused  # the interval itself says that it is refused
     if parameter.identifiable:
-        return ""
+        return parameter.doubt
     return "may be zero" if low <= 0.0 <= high else "unclear"
 
 
@@ -212,6 +212,19 @@ _COLUMN_PATTERN = r"\b(?=\w*_)(?=\w*[A-Z])\w+"
 _FILE_PATTERN = r"\S+\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf|toml|urdf)\b"
 
 
+VALUE_END = "\uf8f2"
+"""Hidden character behind the digits of a value that a page shows under an id."""
+
+_UNIT_PATTERN = (
+    r"(?:%|(?:deg|rad|mm|cm|m|min|s|ms|Hz|kHz|kg|g|N|A|mA|V|mV|W|J|K|rpm)[²³]?"
+    r"(?:[·*/](?:deg|rad|mm|m|s|kg|A|V|N)[²³]?)*)(?![\w·*/²³°])"
+)
+"""Symbol of a unit behind a number."""
+
+_NUMBER_BEFORE_UNIT = rf"(`[^`]*`)|(?<=[\d{VALUE_END}]) (?={_UNIT_PATTERN})"
+"""Text to be copied, or the space between a number and its unit, at which no line may break."""
+
+
 def typeset_sentence(text: str) -> str:
     """Return a sentence with its typography: capital first letter, minus signs, units, R², names in words.
 
@@ -225,8 +238,8 @@ def typeset_sentence(text: str) -> str:
     # A key with a value, such as lever_arm=0.3 m, is there to be copied.
     kept = rf"`[^`]*`|{_FILE_PATTERN}|{_COLUMN_PATTERN}|\b\w+(?= ?=)"
     text = re.sub(rf"({kept})|(?<=[a-z])_(?=[a-z])", lambda found: found[1] or " ", text)
-    text = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", text)
     text = re.sub(r"\bR2\b", "R²", typeset_quantities(text))
+    text = re.sub(_NUMBER_BEFORE_UNIT, lambda found: found[1] or "\N{NO-BREAK SPACE}", text)
     return text if own else capitalised(text)
 
 

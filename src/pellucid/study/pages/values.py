@@ -11,15 +11,14 @@ from dataclasses import dataclass
 
 from markupsafe import Markup, escape
 
-from .quantities import without_negative_zero
+from .quantities import VALUE_END, without_negative_zero
 
 _HIDDEN_START = "\uf8f0"
 _HIDDEN_END = "\uf8f1"
-_VALUE_END = "\uf8f2"
 _HIDDEN_OFFSET = 0xE000
 _HIDDEN_CHARACTERS = {code: _HIDDEN_OFFSET + code for code in range(128)}
 _SHOWN_CHARACTERS = {hidden: code for code, hidden in _HIDDEN_CHARACTERS.items()}
-_VALUE_PATTERN = re.compile(f"{_HIDDEN_START}([^{_HIDDEN_END}]*){_HIDDEN_END}([^{_VALUE_END}]*){_VALUE_END}")
+_VALUE_PATTERN = re.compile(f"{_HIDDEN_START}([^{_HIDDEN_END}]*){_HIDDEN_END}([^{VALUE_END}]*){VALUE_END}")
 _ID_SEPARATOR = "|"
 
 
@@ -44,7 +43,7 @@ class Value:
     def __str__(self) -> str:
         """Return the digits with the id and the number, for the text of a page."""
         hidden = f"{self.id}{_ID_SEPARATOR}{self.number!r}".translate(_HIDDEN_CHARACTERS)
-        return f"{_HIDDEN_START}{hidden}{_HIDDEN_END}{self.text}{_VALUE_END}"
+        return f"{_HIDDEN_START}{hidden}{_HIDDEN_END}{self.text}{VALUE_END}"
 
 
 def plain_text(text: str) -> str:

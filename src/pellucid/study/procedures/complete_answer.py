@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
+from itertools import takewhile
 
 from ...models.estimates import rank_verdicts
 from ..answer import REPORT_COMMAND, WORN_TOGETHER, Answer, Assumption, Basis, Step, spoilt, with_assumed
@@ -102,11 +103,14 @@ def _steps(study: Study, found: Result, answer: Answer, beside: Collection[str])
         return (Step(f"{advice}; then check the recordings", "check"),)
     steps = list(answer.next)
     further = [Step(FURTHER_TEXT, typed_command(each)) for each in _without_result(study, found, beside)[:1]]
+    # What to record comes before everything that uses the result.
+    first = [*takewhile(lambda step: not step.command, steps)] if answer.verdict == "yes" else steps
     scales = ", ".join(each.subject for each in answer.assumed if each.is_scale)
     if scales:
         text = f"Confirm the assumption ({scales}): correct the line in study.toml, and remove its [[assumed]] table"
-        return (Step(f"{text}; then", "check"), *further, REPORT_STEP)
-    return (*further, REPORT_STEP, *steps) if answer.verdict == "yes" else (*steps, *further, REPORT_STEP)
+        recorded = first if answer.verdict == "yes" else ()
+        return (Step(f"{text}; then", "check"), *recorded, *further, REPORT_STEP)
+    return (*first, *further, REPORT_STEP, *steps[len(first) :])
 
 
 def _without_result(study: Study, found: Result, beside: Collection[str]) -> list[str]:
