@@ -14,6 +14,7 @@ from pellucid.cli import app
 from pellucid.emg.study.emg_files import audit_emg
 from pellucid.files.log import VERDICT_WORDS
 from pellucid.files.quantity import joint_words, quantity_of
+from pellucid.start.try_log import try_log
 from pellucid.study.procedures.audit_page import audited_channels, write_audit_page
 
 RATE = 500.0
@@ -330,6 +331,10 @@ def test_what_reading_repairs_is_no_reason_to_record_again(tmp_path):
     assert "150 repeated packets" in clock.sentences[0]
     assert (angle.verdict, angle.level) == ("missing samples", "repaired")
     assert "Reading repairs time [s] (repeated packets), angle [rad] (missing samples)" in found.headline
+    assert found.answer.badge == "Yes (once read by Pellucid)"
+    assert found.answer.basis.sentence == (
+        f"Based on 1 file, {COUNT + 150:,} rows, 150 repeated rows excluded, as recorded."
+    )
     assert found.answer.next_command.startswith("pellucid init my-study --from")
     columns["angle [rad]"][1000:5000] = np.nan
     assert [v.verdict for v in pl.audit(written(tmp_path, columns)).alarms] == ["missing samples"]
@@ -386,10 +391,26 @@ def test_the_figure_of_an_unsound_channel_is_of_a_file_with_its_verdict(tmp_path
         assert verdict.verdict in {VERDICT_WORDS[f.kind] for file, f in verdict.findings if file == name}
 
 
+def test_a_basis_counts_what_reading_excludes(tmp_path):
+    """Rows that were excluded, and gaps, were named by neither the audit nor the answer of the fit."""
+    t = np.arange(0.0, 40.0, 0.01)
+    q = 0.5 * np.sin(2 * np.pi * 0.31 * t) + 0.3 * np.sin(2 * np.pi * 0.73 * t + 1.0)
+    speed = np.gradient(q, t)
+    torque = 0.05 * np.gradient(speed, t) + 2.0 * np.sin(q) + 0.1 * speed + 0.3 * np.tanh(speed / 0.01)
+    torque += 0.01 * np.random.default_rng(3).standard_normal(t.size)
+    rows = np.sort(np.append(np.arange(t.size), np.arange(100, t.size, 80)))
+    rows = rows[~((rows >= 1000) & (rows < 1060)) & ~((rows >= 3000) & (rows < 3040))]
+    repeats = rows.size - np.unique(rows).size
+    path = written(tmp_path, {"t [s]": t[rows], "angle [rad]": q[rows], "torque [N*m]": torque[rows]})
+    words = f"{rows.size:,} rows, {repeats} repeated rows excluded, 2 gaps of up to 0.61 s cut"
+    assert words in pl.audit(path).answer.basis.sentence
+    assert words in try_log([path], out=tmp_path / "out").answer.basis.sentence
+
+
 def test_the_audit_of_emg_counts_the_files_that_have_emg(tmp_path):
     """It was based on all nine files of a study of which three have EMG."""
     log = clean_log()
     without = {name: samples for name, samples in log.items() if "EMG" not in name}
     found = audit_emg([written(tmp_path, log, "emg.csv"), written(tmp_path, without, "motion.csv")])
     assert [file.name for file in found.files] == ["emg.csv"]
-    assert found.answer.basis.sentence == "Based on 1 file, as recorded."
+    assert found.answer.basis.sentence == f"Based on 1 file, {COUNT:,} rows, as recorded."

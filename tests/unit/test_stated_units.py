@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid.files.name_evidence import read_name
+from pellucid.files.log import log_of
+from pellucid.files.name_evidence import motor_voltages, read_name
 from pellucid.files.quantity import quantity_of
 from pellucid.files.readers.read import read_columns
 from pellucid.files.stated_units import split_unit, unit_from_text
@@ -197,8 +198,24 @@ ORDINARY_NAMES = {
     "encoder": "position", "angle": "position", "load_cell": "force", "force": "force", "pwm": "duty", "duty": "duty",
     "voltage": "voltage", "u": "voltage", "temperature": "temperature", "emg_vl": "emg", "knee_theta_dot": "velocity",
     "torque_cmd": "torque", "pos_ref": "position", "present_position": "position", "goal_position": "position",
-    "L1_T12_Lat_Bending": "",
+    "L1_T12_Lat_Bending": "", "i_phase_u": "current", "i_alpha": "current", "v_phase_u": "voltage", "id": "",
 }  # fmt: skip
+
+
+def test_a_motor_s_voltages_are_told_by_its_currents(tmp_path):
+    """v_q was listed as a velocity and v_alpha as an acceleration, beside i_q."""
+    rng = np.random.default_rng(1)
+    names = ("t", "theta", "i_q", "v_q", "v_alpha", "q_d")
+    path = tmp_path / "log.csv"
+    rows = np.column_stack([np.arange(200) * 0.01, *rng.standard_normal((len(names) - 1, 200))])
+    np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="")
+    columns = dict(zip(names, rows.T, strict=True))
+    kinds = {channel.name: channel.quantity.kind for channel in log_of(read_columns(path)).channels}
+    assert (kinds["v_q"], kinds["v_alpha"]) == ("voltage", "voltage")
+    assert kinds["q_d"] == read_name("q_d").quantity
+    roles = {role.column: role.quantity for role in assign_roles(columns).roles}
+    assert roles["v_q"] in ("voltage", None)
+    assert motor_voltages(["t", "q_d", "v_d"]) == frozenset()
 
 
 @pytest.mark.parametrize(("name", "quantity"), ORDINARY_NAMES.items())

@@ -24,7 +24,7 @@ from .defects import constant, echoed, frozen, garbage, held, limited, magnitude
 from .defects.clipped import flat_tops
 from .defects.watched import INERTIAL_CHANNELS, find_runs
 from .file_facts import NOMINAL_RATE_FACT, find_rate, states_simulation
-from .name_evidence import is_emg_by_unit
+from .name_evidence import is_emg_by_unit, motor_voltages
 from .personal_fields import PersonalField, find_personal_columns, find_personal_lines
 from .quantity import EFFORT_QUANTITIES, Quantity, is_setting, joint_words, quantity_of
 from .readers._columns import Columns
@@ -187,6 +187,10 @@ class LogFinding:
         First and last sample concerned; -1 where the whole channel is concerned.
     size : float
         Largest value, limit or share behind the finding, in SI where the unit is known; NaN without one.
+    excluded : int
+        Number of rows that reading excludes because of it.
+    gaps : tuple of float
+        Lengths of the gaps that reading cuts out [s]; NaN where the unit of time is not known.
     """
 
     kind: str
@@ -196,6 +200,8 @@ class LogFinding:
     first: int = -1
     last: int = -1
     size: float = float("nan")
+    excluded: int = 0
+    gaps: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,12 +262,15 @@ class Log:
 def log_of(columns: Columns, rate: float | None = None) -> Log:
     """Return a file's columns as a log; `rate` [Hz] is the sampling rate if the user states it."""
     channels, texts = [], {}
+    voltages = motor_voltages(map(str, columns.values))
     for name, values in columns.values.items():
         if isinstance(values, str):
             quoted = _QUOTED_TEXT.search(values)
             texts[name] = quoted[1] if quoted else ""
             continue
         quantity = quantity_of(name, columns.units.get(name, ""))
+        if name in voltages and not quantity.unit:
+            quantity = replace(quantity, kind="voltage")
         samples = np.asarray(values, float)
         channels.append(LogChannel(name, samples * quantity.factor if quantity.factor != 1.0 else samples, quantity))
     channels = _with_short_muscles(channels)
@@ -364,16 +373,18 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     others = {n: c.samples for n, c in table.items() if n != log.time and c.quantity.kind != "time"}
     rows = garbage.find_garbage(table[log.time].samples if log.time in table else None, others)
     if rows is not None:
-        text = f"{rows.where} of {longest} rows are garbage: {rows.cause}; {LEFT_OUT_WORDS}"
-        found.append(LogFinding(garbage.KIND, log.time or "time", text, REPAIRED_LEVEL, 0, rows.head - 1))
         kept = rows.between(longest)
+        excluded = longest - (kept.stop - kept.start)
+        text = f"{rows.where} of {longest} rows are garbage: {rows.cause}; {LEFT_OUT_WORDS}"
+        where = log.time or "time"
+        found.append(LogFinding(garbage.KIND, where, text, REPAIRED_LEVEL, 0, rows.head - 1, excluded=excluded))
         table = {n: replace(c, samples=c.samples[kept]) for n, c in table.items()}
         channels |= table
         longest = kept.stop - kept.start
     zeroed = garbage.zeroed_rows({n: c.samples for n, c in table.items()})
     if zeroed.any():
         text = f"{garbage.zeroed_text(zeroed)}; {LEFT_OUT_WORDS}"
-        found.append(LogFinding(garbage.KIND, log.time or "time", text, REPAIRED_LEVEL))
+        found.append(LogFinding(garbage.KIND, log.time or "time", text, REPAIRED_LEVEL, excluded=int(zeroed.sum())))
         table = {n: replace(c, samples=c.samples[~zeroed]) for n, c in table.items()}
         channels |= table
         longest = int(np.sum(~zeroed))
@@ -381,7 +392,7 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     if repeated.any():
         count = int(repeated.sum())
         text = f"{count} repeated packets ({count} of {longest} rows); {LEFT_OUT_WORDS}"
-        found.append(LogFinding("repeated", log.time, text, REPAIRED_LEVEL, size=count / longest))
+        found.append(LogFinding("repeated", log.time, text, REPAIRED_LEVEL, size=count / longest, excluded=count))
         table = {n: replace(c, samples=c.samples[~repeated]) for n, c in table.items()}
         channels |= table
         longest -= count
@@ -474,7 +485,8 @@ def _time_findings(log: Log, channels: Mapping[str, LogChannel]) -> Iterator[Log
     if long.size:
         many = "a gap" if long.size == 1 else f"{long.size} gaps"
         text = f"{many} of up to {long.max():.4g}{unit}, {usual:.4g}{unit} is usual: cut out when the log is read"
-        yield LogFinding("uneven", log.time, text, REPAIRED_LEVEL)
+        gaps = tuple(long.tolist() if channel.quantity.unit == "s" else [float("nan")] * long.size)
+        yield LogFinding("uneven", log.time, text, REPAIRED_LEVEL, gaps=gaps)
     if jitter > MAX_EVEN_JITTER:
         text = f"steps differ from {usual:.4g}{unit} by {100 * jitter:.3g} % in 1 of 100 rows: stamped on arrival"
         out = float(np.mean(np.abs(positive / usual - 1.0) > LOG_LIMITS.max_steady_jitter))

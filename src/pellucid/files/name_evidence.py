@@ -4,7 +4,7 @@ refute it."""
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -138,6 +138,19 @@ OTHER_QUANTITY_WORDS = {
 
 _AMBIGUOUS_MUSCLE_WORDS = frozenset({"ma", "arm"})
 """Words of a moment arm only together with a muscle, because robots have arms, too."""
+
+
+_MOTOR_AXES = frozenset({"d", "q", "alpha", "beta", "u", "v", "w", "a", "b", "c"})
+"""Axes and phases of a motor's currents and voltages: i_q, v_alpha, i_phase_u."""
+
+_MOTOR_LETTERS = {"i": "current", "v": "voltage", "u": "voltage"}
+"""Letters of a motor's currents and voltages before an axis."""
+
+
+_JOINED_MOTOR_NAMES = frozenset({
+    "iq", "ialpha", "ibeta", "vd", "vq", "valpha", "vbeta", "ud", "uq", "ualpha", "ubeta",
+})  # fmt: skip
+"""Letter and axis in one word; "id" is an identifier as well."""
 
 
 @dataclass(frozen=True)
@@ -342,6 +355,8 @@ def _unknown_unit(name: str) -> str | None:
 
 
 def _quantity_of_words(words: list[str], joined: str, *, has_muscle: bool) -> str | None:
+    if (motor := _motor_quantity(words)) is not None and (motor == "current" or {"phase", "ph"} & set(words)):
+        return motor
     for first, second in pairwise(words):
         derived = _derived(first, second)
         if derived is not None:
@@ -373,6 +388,31 @@ def _quantity_of_words(words: list[str], joined: str, *, has_muscle: bool) -> st
         if any(len(word) >= 4 and word in joined for word in QUANTITY_WORDS[quantity]):
             return quantity
     return quantity_of_part(joined)
+
+
+def _motor_quantity(words: Sequence[str]) -> str | None:
+    """Return the quantity that a letter and a motor's axis say, as in i_q, v_alpha, vq or i_phase_u; else None."""
+    parts = [word for word in words[:3] if word not in ("phase", "ph")]
+    first = parts[0] if parts else ""
+    if first in _JOINED_MOTOR_NAMES:
+        return _MOTOR_LETTERS[first[0]]
+    return _MOTOR_LETTERS.get(first) if len(parts) > 1 and parts[1] in _MOTOR_AXES else None
+
+
+def motor_voltages(names: Iterable[str]) -> frozenset[str]:
+    """Return the columns that hold a motor's voltages, because currents of its axes stand beside them.
+
+    Alone, v_d is a desired velocity.
+
+    Examples
+    --------
+    >>> sorted(motor_voltages(["t", "i_q", "v_q", "q_d"])), sorted(motor_voltages(["t", "v_d", "q_d"]))
+    (['v_q'], [])
+    """
+    found = {name: _motor_quantity(words_of(name.rpartition(".")[2])) for name in names}
+    if "current" not in found.values():
+        return frozenset()
+    return frozenset(name for name, quantity in found.items() if quantity == "voltage")
 
 
 def _derived(first: str, second: str) -> str | None:

@@ -120,6 +120,10 @@ class Basis:
         Number of parts into which the counted things were cut; 0 where each is whole.
     held_out : int
         Number of the counted things, or of their parts, that were held out from the fit and that the numbers are of.
+    rows : int
+        Number of rows in the files; 0 where they are not counted.
+    excluded : tuple of str
+        What reading excludes of the rows, in words.
     """
 
     used: int
@@ -132,6 +136,8 @@ class Basis:
     parts: int = 0
     held_out: int = 0
     is_digitised: bool = False
+    rows: int = 0
+    excluded: tuple[str, ...] = ()
 
     @property
     def sentence(self) -> str:
@@ -140,11 +146,23 @@ class Basis:
         text += f" {_plural(self.counted, self.recorded)}{f' in {self.parts} parts' if self.parts else ''}"
         origins = {True: "simulated", False: "measured", None: "as recorded" if self.counted in RECORDED_UNITS else ""}
         origin = DIGITISED if self.is_digitised else origins[self.is_simulated]
-        words = [text, origin, f"of {WORN_TOGETHER}" if self.is_worn else ""]
+        rows = f"{self.rows:,} {_plural('row', self.rows)}" if self.rows else ""
+        words = [text, rows, *self.excluded, origin, f"of {WORN_TOGETHER}" if self.is_worn else ""]
         whole, noun = (self.parts, "part") if self.parts else (self.used, self.counted)
         judged = f"held-out data: {self.held_out} of {whole} {_plural(noun, whole)}" if self.held_out else self.judged
         based_on = f"Based on {', '.join(filter(None, words))}{f'; numbers are of {judged}' if judged else ''}."
         return " ".join((based_on, *self.more))
+
+
+def excluded_words(repeats: int, defects: int, gaps: Sequence[float]) -> tuple[str, ...]:
+    """Return in words what reading excludes: rows that repeat, rows with defects, and gaps, with their lengths [s]."""
+    longest = max(gaps, default=math.nan)
+    length = f" of {'up to ' * (len(gaps) > 1)}{longest:.3g} s" if math.isfinite(longest) else ""
+    return (
+        *([f"{repeats:,} repeated {_plural('row', repeats)} excluded"] if repeats else []),
+        *([f"{defects:,} {_plural('row', defects)} with defects cut"] if defects else []),
+        *([f"{len(gaps)} {_plural('gap', len(gaps))}{length} cut"] if gaps else []),
+    )
 
 
 def _plural(noun: str, count: int) -> str:
@@ -215,7 +233,8 @@ class Step:
         """The step in a sentence, with its command between backticks."""
         if self.command:
             return f"{self.text}: `{self.command}`."
-        return self.text if self.text.endswith(("?", "`")) else f"{self.text.rstrip('.')}."
+        is_ended = self.text.endswith("?") or re.search(r"`pellucid [^`]+`$", self.text)
+        return self.text if is_ended else f"{self.text.rstrip('.')}."
 
 
 PAPER_STEP = Step("Write figures, tables and methods for a paper", "paper")

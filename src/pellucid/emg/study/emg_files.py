@@ -1,4 +1,4 @@
-"""EMG of files, or of a study's recordings: may it be used as it is?"""
+"""EMG of files, or of a study's recordings: may it be used?"""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...study.procedures.procedure import Progress, quiet
 from ...study.procedures.registry import open_study
 from ...study.study import STUDY_FILE
 
-QUALITY_QUESTION = "May this EMG be used as it is?"
+QUALITY_QUESTION = "May this EMG be used?"
 """Question of `pellucid emg quality`."""
 
 

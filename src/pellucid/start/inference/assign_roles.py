@@ -17,6 +17,7 @@ from ...files.name_evidence import (
     NameEvidence,
     emg_muscle,
     is_emg_by_unit,
+    motor_voltages,
     quantity_of_part,
     quantity_of_unit,
     read_name,
@@ -207,6 +208,9 @@ def assign_roles(columns: Mapping[str, np.ndarray], hints: TableHints | None = N
     hints = hints or TableHints()
     n = max(map(len, columns.values()), default=0)
     names = {name: read_name(name) for name in columns}
+    for name in motor_voltages(names):
+        if names[name].unit is None:
+            names[name] = replace(names[name], quantity="voltage")
     names = {name: with_stated_unit(evidence, hints.units.get(name)) for name, evidence in names.items()}
     printed = find_fingerprint(list(columns), hints.facts)
     if printed is not None:

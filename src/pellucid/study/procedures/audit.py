@@ -18,12 +18,15 @@ from ...files.log import ALARM_LEVEL, LEVELS, REPAIRED_LEVEL, VERDICT_WORDS, Log
 from ...files.quantity import EFFORT_QUANTITIES
 from ...files.readers.read import describes_files, read_columns, readers_by_ending
 from ...numerics.arguments import with_checked_arguments
-from ..answer import Answer, AnswerPart, Basis, Step
+from ..answer import Answer, AnswerPart, Basis, Step, excluded_words
 from ..pages.quantities import unit_text
 from .procedure import Progress, quiet
 
 SOUND_VERDICT = "sound"
 """Verdict on a channel of which nothing was found."""
+
+ONCE_READ = "once read by Pellucid"
+"""Limit of the verdict on a log of which reading excludes or repairs something."""
 
 MAX_LISTED_FILES = 3
 """A sentence lists at most this many files by name."""
@@ -73,6 +76,11 @@ class AuditedFile:
     log: Log | None
     findings: tuple[LogFinding, ...] = ()
     unread: str = ""
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of its longest table."""
+        return 0 if self.log is None else max((len(channel.samples) for channel in self.log.channels), default=0)
 
     @property
     def folder(self) -> str:
@@ -138,7 +146,7 @@ class Audit:
     paths: tuple[str, ...] = ()
     options: tuple[str, ...] = ()
     command: str = "audit"
-    question: str = "May this log be used as it is?"
+    question: str = "May this log be used?"
 
     @property
     def alarms(self) -> tuple[ChannelVerdict, ...]:
@@ -167,7 +175,8 @@ class Audit:
             text = f"{len(self.alarms)} of {count} {are} unsound in {files}: {names}."
         repaired = ", ".join(f"{v.channel} ({v.verdict})" for v in self.verdicts if v.level == REPAIRED_LEVEL)
         if repaired:
-            text += f" Reading repairs {repaired}."
+            excluded = ", ".join(self._excluded)
+            text += f" Reading repairs {repaired}{f': {excluded}' if excluded else ''}."
         if self.unread:
             text += f" {len(self.unread)} could not be read."
         return text
@@ -185,9 +194,26 @@ class Audit:
             self.headline,
             "" if self.is_sound else self.headline,
             parts,
-            basis=Basis(len(self.files) - len(self.unread), len(self.files), "file", is_simulated=self._is_simulated),
+            basis=Basis(
+                len(self.files) - len(self.unread), len(self.files), "file", is_simulated=self._is_simulated,
+                rows=sum(file.rows for file in self.files), excluded=self._excluded,
+            ),
             next=self._steps(),
-        )
+            qualifier=ONCE_READ if self.is_sound and self._is_repaired else "",
+        )  # fmt: skip
+
+    @property
+    def _excluded(self) -> tuple[str, ...]:
+        """What reading excludes of the rows, in words."""
+        found = [finding for file in self.files for finding in file.findings]
+        repeats = sum(finding.excluded for finding in found if finding.kind == "repeated")
+        defects = sum(finding.excluded for finding in found if finding.kind != "repeated")
+        return excluded_words(repeats, defects, [gap for finding in found for gap in finding.gaps])
+
+    @property
+    def _is_repaired(self) -> bool:
+        """Whether reading excludes or repairs something."""
+        return any(finding.level == REPAIRED_LEVEL for file in self.files for finding in file.findings)
 
     @property
     def _is_simulated(self) -> bool | None:

@@ -6,8 +6,22 @@ from collections.abc import Collection
 from dataclasses import replace
 from itertools import takewhile
 
+import numpy as np
+
+from ...files.cut import sound_samples
+from ...files.defects import gaps as gap_defect
 from ...models.estimates import rank_verdicts
-from ..answer import REPORT_COMMAND, WORN_TOGETHER, Answer, Assumption, Basis, Step, spoilt, with_assumed
+from ..answer import (
+    REPORT_COMMAND,
+    WORN_TOGETHER,
+    Answer,
+    Assumption,
+    Basis,
+    Step,
+    excluded_words,
+    spoilt,
+    with_assumed,
+)
 from ..study import Study
 from .procedure import typed_command
 from .registry import asked
@@ -78,15 +92,23 @@ def count_recordings(study: Study, used: Collection[str]) -> Basis:
     """
     wholes: dict[tuple[object, ...], list[str]] = {}
     windows = {entry.name for entry in study.config.recordings if entry.window is not None}
-    for recording in study.recordings():
+    recordings = study.recordings()
+    for recording in recordings:
         columns = tuple(channel.column for channel in recording.channels.values())
         own = () if recording.name in windows else (recording.name,)
         wholes.setdefault((recording.path, columns, *own), []).append(recording.name)
     parts = sum(map(len, wholes.values()))
+    read = [recording for recording in recordings if recording.name in used]
+    cuts = [cut for recording in read for cut in recording.cuts]
+    defects = sum(int(np.sum(~sound_samples(len(r), r.cuts))) for r in read)
+    gaps = [cut.stop - cut.start for cut in cuts if cut.kind == gap_defect.KIND]
+    excluded = excluded_words(sum(r.repeats for r in read), defects, gaps)
     return Basis(
         sum(any(name in used for name in names) for names in wholes.values()),
         len(wholes),
         parts=parts if parts > len(wholes) else 0,
+        rows=sum(len(r) + r.repeats for r in read) if excluded else 0,
+        excluded=excluded,
     )
 
 
