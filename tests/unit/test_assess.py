@@ -258,7 +258,7 @@ def test_a_lost_marker_costs_the_movements_it_touches(tmp_path):
 
     found = assess(small(tmp_path, change=hide, markers=True))
     assert found.left_out["lost"] >= 1
-    assert any("with a marker lost" in v.text for v in found.verdicts)
+    assert any("with missing samples of the motion" in v.text for v in found.verdicts)
     assert any("missing in" in v.text and "P1_PCFr.csv" in v.text for v in found.verdicts)
     assert np.isfinite(found.assessed["duration"].table.values).all()
 

@@ -2,11 +2,15 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from pellucid.people.certificate import LEFT_OUT_DOUBT
+from pellucid.people.comparison import compare_conditions
+from pellucid.people.movement_indices import IndexTable
 from pellucid.people.study import assessment_answer
-from pellucid.people.study.certified_rows import _why_undecided
+from pellucid.people.study.assessment_result import Assessed
+from pellucid.people.study.certified_rows import _why_undecided, deciding_end_point
 from pellucid.study.answer import Answer, Step, unanswered_message
 
 
@@ -27,7 +31,7 @@ def test_a_condition_of_which_nobody_can_say_gives_its_reason_alone(monkeypatch)
         monkeypatch.setattr(assessment_answer, part, lambda found, made=made: made)
     answer = assessment_answer.certificate_answer(SimpleNamespace(certified=certified))
     assert answer.verdict == "cannot say"
-    assert answer.said.strip() == "speed: cannot say (post hoc); full accuracy: not transparent."
+    assert answer.said.strip() == "speed: cannot say (post hoc); full_accuracy: not transparent."
     assert unanswered_message([answer]) == "cannot say: speed: The interval is too wide."
 
 
@@ -41,9 +45,15 @@ def test_the_certificate_does_not_name_itself_as_the_next_step():
 
 def test_the_basis_counts_the_movements_that_were_excluded():
     found = SimpleNamespace(
-        participants=("a",), without={}, movements=778, left_out={"marker": 700, "label": 77}, order=None, certified=(),
+        participants=("a",), without={}, movements=778, left_out={"lost": 700, "still": 77}, order=None, certified=(),
     )  # fmt: skip
-    assert "778 of 1,555 movements" in assessment_answer._basis(found).sentence
+    why = "778 of 1,555 movements (777 excluded: 700 with missing samples of the motion, 77 that did not reach half-"
+    assert why in assessment_answer._basis(found).sentence
+    allowed = SimpleNamespace(max_left_out=0.1, certificate=SimpleNamespace(post_hoc=()))
+    found.certified, found.left_out, found.is_registered = (allowed,), {"lost": 777}, False
+    why = "(777 excluded: with missing samples of the motion; a claim of transparency allows at most 10 %)"
+    assert why in assessment_answer._basis(found).sentence
+    found.certified = ()
     found.left_out = {}
     assert "numbers are of 778 movements" in assessment_answer._basis(found).sentence
 
@@ -88,21 +98,97 @@ def test_conditions_that_need_the_same_share_a_step():
 
 def test_a_change_beyond_the_margin_that_may_be_chance_needs_more_people():
     """The step said that no number of people would show it transparent, which they are not to show."""
-    (step,) = assessment_answer._recording_steps([certified(8, None, "beyond")])
-    assert step.text.startswith("CLPC: record more people to show that it is not transparent: tested alone, duration")
+    each = certified(8, None, "beyond")
+    each.needed_beyond = 24
+    (step,) = assessment_answer._recording_steps([each])
+    assert step.text.startswith("CLPC: record 16 more people, 24 in all, to show in 9 of 10 studies that it is not")
+    assert step.text.endswith("tested alone, duration would be beyond its margin already")
+    each.needed_beyond = None
+    (step,) = assessment_answer._recording_steps([each])
+    assert step.text.startswith("CLPC: no number of people up to 128 would show")
 
 
 @pytest.mark.parametrize(
     ("people", "margins", "begins"),
     [
         (1, False, "Record the next participant"),
-        (3, False, "Record 12 people or more first: 3 cannot show"),
-        (14, False, "State the allowed change"),
+        (3, False, "To ask whether a condition is transparent (a claim needs 12 people at least), state the allowed"),
+        (14, False, "To ask whether a condition is transparent, state the allowed change"),
     ],
 )
-def test_too_few_people_are_told_to_be_recorded_first(people, margins, begins):
+def test_a_study_without_margins_is_told_what_a_claim_needs(people, margins, begins):
     found = SimpleNamespace(participants=("p",) * people, has_margins=margins)
     assert assessment_answer._margin_step(found).text.startswith(begins)
+
+
+def changed(people=6, **more):
+    return SimpleNamespace(
+        participants=("p",) * people, has_margins=False, is_simulated=True, rig_file="lab/rig.toml",
+        needed_as_seen={"PCFr": 40, "CLPC": None}, **more,
+    )  # fmt: skip
+
+
+def test_the_number_of_people_is_that_which_would_show_the_change_seen():
+    """The page asked for 12 people, of whom its own table said that more than 96 would not show the change."""
+    people, margins = assessment_answer._change_steps(changed(), ["PCFr", "CLPC"])
+    needed = "the change of median duration seen here, in 8 of 10 studies: PCFr about 40, CLPC more than 96"
+    assert needed in people.text
+    assert margins.name == "check"
+    assert "12 people at least" in margins.text
+    assert "PCFr more than 50" in assessment_answer._change_steps(changed(50), ["PCFr"])[0].text
+    assert len(assessment_answer._change_steps(changed(), [])) == 1
+
+
+def test_simulated_people_are_not_asked_to_be_recorded():
+    step = assessment_answer._more_people_step(changed(), ["PCFr"])
+    assert step.text.endswith("Raise `count` in `[people]` of `lab/rig.toml`, then simulate again")
+    assert step.name == "simulate"
+    found = changed()
+    found.rig_file = ""
+    assert "Simulate more people" in assessment_answer._more_people_step(found, ["PCFr"]).text
+    found.is_simulated = False
+    assert "Record more people" in assessment_answer._more_people_step(found, ["PCFr"]).text
+
+
+def compared(values, control="Ctrl"):
+    names = ("Ctrl", "FC", "PCFr", "CLPC")
+    table = IndexTable("duration_median", "rad", tuple(f"P{i}" for i in range(len(values))), names, np.array(values))
+    return Assessed(table, compare_conditions(table.values, names, control))
+
+
+def test_the_reason_names_the_test_and_what_few_people_allow():
+    """It said that "no test" finds a difference (3 people, p = 0.148), of which test nobody knew."""
+    found = SimpleNamespace(control="Ctrl")
+    each = compared([[1.0, 2.0, 1.1, 0.9], [1.0, 3.0, 0.9, 1.2], [1.2, 1.1, 1.3, 1.0]])
+    text = assessment_answer._undetected_text(found, each, 0.05)
+    assert text.startswith("Friedman's test over the 4 conditions finds no difference in median duration (p = 0.")
+    assert "With 3 people, no signed-rank test of one condition against Ctrl can be significant" in text
+    assert text.endswith("its smallest possible p is 0.25, 0.75 after correction for 3 comparisons")
+    many = compared(np.random.default_rng(1).normal(1.0, 0.1, (12, 4)))
+    assert "signed-rank" not in assessment_answer._undetected_text(found, many, 0.05)
+
+
+def decided(verdict, said, beyond, alone=None):
+    tests = {name: SimpleNamespace(verdict=(alone or said)[name], p_within=0.5) for name in said}
+    own = SimpleNamespace(
+        verdict=verdict, end_points=tests, said_of=said.get, beyond=beyond, p_beyond=beyond.get, alpha=0.05,
+    )  # fmt: skip
+    return SimpleNamespace(certificate=own, end_points=said)
+
+
+def test_the_end_point_that_decides_a_condition_is_shown():
+    """Its duration of +5.1 to +67.5 % stood beside a margin of 10 % and "not transparent": peak velocity decided."""
+    both = {"duration_median": "beyond", "vmax": "beyond"}
+    assert deciding_end_point(decided("not transparent", both, {"duration_median": 0.1, "vmax": 0.01})) == "vmax"
+    assert deciding_end_point(decided("not transparent", both, {"duration_median": 0.04, "vmax": 0.01})) == (
+        "duration_median"
+    )
+    one = {"duration_median": "within", "vmax": "undecided"}
+    assert deciding_end_point(decided("cannot say", one, {})) == "vmax"
+    none = {"duration_median": "undecided", "vmax": "undecided"}
+    assert deciding_end_point(decided("cannot say", none, {}, {"duration_median": "undecided", "vmax": "beyond"})) == (
+        "vmax"
+    )
 
 
 def test_the_basis_says_what_was_registered_and_in_which_orders():
@@ -132,9 +218,10 @@ def test_people_far_beyond_are_named_where_they_alone_lie_beyond():
     own = each.certificate
     own.alpha, own.far_note = 0.05, lambda name: " (4 of 8 people by more than 3 margins)"
     own.contradicted, own.lacks_people = lambda name: (), lambda name: False
-    own.end_points["duration"].p_beyond = 0.11
-    said = _why_undecided(each, {"duration": "Duration"}, ["Duration"])
+    own.end_points["duration"].p_beyond, own.tested, own.p_beyond = 0.11, lambda name: "undecided", lambda name: 0.075
+    said = _why_undecided(each, {"duration": "Duration", "vmax": "Peak velocity"}, ["Duration"])
     assert said.startswith("Tested alone, Duration (4 of 8 people by more than 3 margins) would be beyond the margin.")
+    assert "not significant after Holm's correction for 2 end points (p = 0.075" in said
     own.end_points["duration"].p_beyond = 0.01
     assert "3 margins" not in _why_undecided(each, {"duration": "Duration"}, ["Duration"])
 

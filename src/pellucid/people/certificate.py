@@ -125,7 +125,11 @@ class Certificate:
         """Return ``"within"``, ``"beyond"`` (corrected after Holm) or ``"undecided"`` by the test of one end point."""
         if self._all[name].p_within <= self.alpha:
             return WITHIN_MARGIN
-        return BEYOND_MARGIN if min(self.beyond[name], self.far.get(name, 1.0)) <= self.alpha else UNDECIDED
+        return BEYOND_MARGIN if self.p_beyond(name) <= self.alpha else UNDECIDED
+
+    def p_beyond(self, name: str) -> float:
+        """Return the p value, after Holm, that an end point or too many people's changes lie beyond the margin."""
+        return min(self.beyond[name], self.far.get(name, 1.0))
 
     def contradicted(self, name: str) -> tuple[Doubt, ...]:
         """Return the doubts that count and that contradict the test of an end point.

@@ -84,6 +84,11 @@ def p_text(p: float) -> str:
     return "< 0.001" if p < 0.001 else f"{p:.2g}"
 
 
+def p_statement(p: float) -> str:
+    """Return a p value as a sentence has it."""
+    return "p < 0.001" if p < 1e-3 else f"p = {p:.3f}"
+
+
 def people_text(shares: ShareTest) -> str:
     """Say how many people lie within, and what the bounds of both shares are."""
     counted = f"{shares.within} of {shares.people} within"

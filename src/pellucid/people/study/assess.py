@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,16 @@ from ...units import Coordinate
 from ..analysis import Analysis
 from ..comparison import compare_conditions
 from ..design_columns import DIRECTION_UP, MeasuredMovement
-from ..indices import INDICES, SHOWN_INDICES, index_names, indices_along
+from ..indices import INDICES, SHOWN_INDICES, index_names, indices_along, leading_index
 from ..movement_indices import index_table, isochrony
 from ..movements import MovementRule
-from ..power import STANDARDISED_CHANGES, lasting_bounds, participants_for_effects
+from ..power import (
+    MIN_FORECAST_PEOPLE,
+    STANDARDISED_CHANGES,
+    lasting_bounds,
+    participants_for_effects,
+    participants_needed,
+)
 from ..survival import survival
 from .assessment_answer import assessment_answer
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
@@ -73,8 +80,17 @@ def assess(
     tell("reading recordings", 0.0)
     return assess_recordings(
         study.name, study.recordings(), table, on_progress=tell, studies=studies, executor=executor,
-        registered=registered_analysis(study),
+        registered=registered_analysis(study), is_simulated=study.config.simulated is True, rig_file=_rig_file(study),
     )  # fmt: skip
+
+
+RIG_FILE = "lab/rig.toml"
+"""File of a study's folder from which `simulate` makes its recordings."""
+
+
+def _rig_file(study: Study) -> str:
+    """Return the file that says how many people are simulated; "" where there is none."""
+    return RIG_FILE if (Path(study.folder) / RIG_FILE).is_file() else ""
 
 
 def assess_recordings(
@@ -86,10 +102,13 @@ def assess_recordings(
     studies: int = DEFAULT_STUDIES,
     executor: Any = None,
     registered: Analysis | None = None,
+    is_simulated: bool = False,
+    rig_file: str = "",
 ) -> AssessmentResult:
     """Compare conditions of recordings, which need not be files; `spec` is the table [assessment].
 
-    With another analysis than the `registered` one certificates are post hoc.
+    With another analysis than the `registered` one certificates are post hoc. `rig_file` is the file of the study's
+    folder from which people are simulated, if it has one.
     """
     tell = on_progress or quiet
     used = recordings_with_condition(recordings)
@@ -186,6 +205,9 @@ def assess_recordings(
         isochrony=lines,
         sensitivity=sensitivity,
         needed=needed,
+        needed_as_seen=_needed_as_seen(found, spec, studies, executor),
+        is_simulated=is_simulated,
+        rig_file=rig_file,
         profiles=profiles,
         profile_of=profile_of,
         settling=_settling(whole, conditions),
@@ -382,6 +404,27 @@ def _needed(
         executor=executor,
     )
     return tuple(Needed(*each, n) for each, n in zip(wanted, people, strict=True))
+
+
+def _needed_as_seen(
+    found: Mapping[str, Assessed], spec: AssessmentTable, studies: int, executor: Any
+) -> dict[str, int | None]:
+    """Return with how many people Nemenyi's test tells each condition from control, if changes are as they were seen.
+
+    They are those of the leading index, for a power of 80 %; none from fewer than three people.
+    """
+    each = found.get(leading_index().name)
+    if each is None or spec.control not in each.table.conditions or len(each.table.participants) < MIN_FORECAST_PEOPLE:
+        return {}
+    control = each.table.conditions.index(spec.control)
+    return {
+        condition: participants_needed(
+            each.table.values, test="nemenyi", control=control, compared=i, alpha=1.0 - spec.confidence,
+            studies=studies, seed=RANDOM_SEED, executor=executor,
+        )
+        for i, condition in enumerate(each.table.conditions)
+        if i != control
+    }  # fmt: skip
 
 
 def _profiles(

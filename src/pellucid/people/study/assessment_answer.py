@@ -12,14 +12,16 @@ from ...study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Answer
 from ...study.pages.quantities import MINUS_SIGN
 from ...study.pages.values import Value
 from ..certificate import FAIL, PASS, Certificate
-from ..certificate_text import interval_with_unit, margin_text
+from ..certificate_text import interval_with_unit, margin_text, p_statement
+from ..comparison import smallest_p
 from ..equivalence import BEYOND_MARGIN
 from ..indices import leading_index
-from ..power import CERTIFICATE_SIZES, MIN_FORECAST_PEOPLE
+from ..power import CANDIDATE_SIZES, CERTIFICATE_SIZES, MIN_FORECAST_PEOPLE
 from ..share_of_people import MIN_PEOPLE
-from .certified_rows import certificate_reasons, loss_remedy
+from .certified_rows import certificate_reasons, deciding_end_point, loss_remedy
+from .pointing import reason_words
 from .primary_change import PrimaryChange, primary_change
-from .statements import headline, lowered, p_statement
+from .statements import headline, lowered
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Certified
@@ -57,7 +59,7 @@ def certificate_answer(found: AssessmentResult) -> Answer:
     if is_post_hoc:
         question += " Post hoc: this is not the registered analysis."
     open_ones = [each for each in found.certified if each.certificate.verdict not in (PASS, FAIL)]
-    stated = "; ".join(f"{one.condition.replace('_', ' ')}: {one.certificate.statement}" for one in found.certified)
+    stated = "; ".join(f"{one.condition}: {one.certificate.statement}" for one in found.certified)
     beyond = "".join(f"{_beyond_text(each)} " for each in found.certified if each.certificate.verdict == FAIL)
     following = {"yes": [], "no": [CONTROLLER_STEP], "cannot say": [*_recording_steps(open_ones)]}[verdict]
     following += [CERTIFICATE_STEP] if verdict != "cannot say" else []
@@ -84,7 +86,7 @@ def _beyond_text(each: Certified) -> str:
     own = each.certificate
     words = [f"{point.index.words.lower()}{own.far_note(name)}" for name, point in each.end_points.items()
              if own.said_of(name) == BEYOND_MARGIN]  # fmt: skip
-    return f"Beyond the margin in {each.condition.replace('_', ' ')}: {', '.join(words)}." if words else ""
+    return f"Beyond the margin in {each.condition}: {', '.join(words)}." if words else ""
 
 
 def _recording_steps(undecided: Sequence[Certified]) -> tuple[Step, ...]:
@@ -92,7 +94,7 @@ def _recording_steps(undecided: Sequence[Certified]) -> tuple[Step, ...]:
     conditions: dict[str, list[str]] = {}
     for each in undecided:
         for text in _recording_texts(each):
-            conditions.setdefault(text, []).append(each.condition.replace("_", " "))
+            conditions.setdefault(text, []).append(each.condition)
     return tuple(Step(f"{', '.join(names)}: {text}") for text, names in conditions.items())
 
 
@@ -105,13 +107,24 @@ def _recording_texts(each: Certified) -> tuple[str, ...]:
         texts.append(f"record the movements until they settle, of the same {now} people or more")
     elif alone := [p.index.short for n, p in each.end_points.items() if own.end_points[n].verdict == BEYOND_MARGIN]:
         return (
-            "record more people to show that it is not transparent: tested alone, "
-            f"{lowered(' and '.join(alone))} would be beyond its margin already",
+            f"{_beyond_people_text(each.needed_beyond, now)}: tested alone, {lowered(' and '.join(alone))} would be "
+            "beyond its margin already",
         )
     is_beyond = any(own.tested(name) == BEYOND_MARGIN for name in each.end_points)
     if not texts or (now < MIN_PEOPLE and not is_beyond):
         texts.append(_people_text(each.needed, now))
     return tuple(texts)
+
+
+def _beyond_people_text(needed: int | None, now: int) -> str:
+    """Return the number of people who would show a change as large as that seen to be beyond its margin."""
+    if needed is None:
+        return (
+            f"no number of people up to {CERTIFICATE_SIZES[-1]} would show a change as large as this to be beyond its "
+            "margin in 9 of 10 studies; record more movements of each person"
+        )
+    in_all = f"{_more_people(needed - now)}, {needed} in all," if needed > now else "more people"
+    return f"record {in_all} to show in 9 of 10 studies that it is not transparent, if changes are as seen here"
 
 
 def _people_text(needed: int | None, now: int) -> str:
@@ -149,8 +162,6 @@ def _change_answer(found: AssessmentResult) -> Answer:
     each = found.assessed.get(leading_index().name) or next(iter(found.assessed.values()))
     alpha = 1.0 - found.confidence
     alone = "with one participant, no test is possible" if len(found.participants) == 1 else ""
-    count, p = len(found.participants), each.comparison.p_value
-    tested = f" ({count} people{'' if p is None else f', {p_statement(p)}'})"
     differing = {name: _differing(found, own, alpha) for name, own in found.assessed.items()}
     parts = []
     for condition in (c for c in found.conditions if c != found.control):
@@ -165,8 +176,7 @@ def _change_answer(found: AssessmentResult) -> Answer:
             others.setdefault(tuple(conditions), []).append(lowered(found.assessed[name].table.index.words))
     also = "".join(f" {' and '.join(told)} also different in: {', '.join(words)}." for told, words in others.items())
     told = any(part.verdict == "yes" for part in parts)
-    without = f"no test finds a difference from {found.control} in {lowered(each.table.index.words)}{tested}"
-    reason = "" if told else alone or without
+    reason = "" if told else alone or _undetected_text(found, each, alpha)
     return Answer(
         f"Do these conditions change people's {lowered(each.table.index.words)}, against {found.control}?",
         "yes" if told else "cannot say",
@@ -175,7 +185,30 @@ def _change_answer(found: AssessmentResult) -> Answer:
         tuple(parts),
         tuple(_numbers(found)),
         _basis(found),
-        next=(_margin_step(found),),
+        next=_change_steps(found, [part.name for part in parts if part.verdict != "yes"]),
+    )
+
+
+def _undetected_text(found: AssessmentResult, each: Assessed, alpha: float) -> str:
+    """Return the test that tells no condition from control in an index, with its p value and what few people allow."""
+    compared, count = each.comparison, len(each.table.participants)
+    words, m = lowered(each.table.index.words), len(each.comparison.pairwise)
+    if compared.p_value is None:
+        return f"no test finds a difference from {found.control} in {words} ({count} people)"
+    told = f"({p_statement(compared.p_value)}, {count} people)"
+    text = f"Friedman's test over the {len(compared.conditions)} conditions finds no difference in {words} {told}"
+    if compared.p_value < alpha:
+        text = (
+            f"Friedman's test finds a difference in {words} among the {len(compared.conditions)} conditions {told}, "
+            f"but Nemenyi's test finds none from {found.control}"
+        )
+    least = smallest_p(count)
+    if min(1.0, m * least) < alpha:
+        return text
+    corrected = f", {min(1.0, m * least):.3g} after correction for {m} comparisons" if m > 1 else ""
+    return (
+        f"{text}. With {count} people, no signed-rank test of one condition against {found.control} can be "
+        f"significant: its smallest possible p is {least:.3g}{corrected}"
     )
 
 
@@ -196,25 +229,58 @@ def _differing(found: AssessmentResult, each: Assessed, alpha: float) -> list[st
     return [c for c in each.comparison.pairwise if each.differs(c, found.control, alpha)]
 
 
+def _change_steps(found: AssessmentResult, untold: Sequence[str]) -> tuple[Step, ...]:
+    """Return what to do next where nothing is certified: the number of people for `untold` conditions, and margins."""
+    if len(found.participants) == 1 or found.has_margins or not untold:
+        return (_margin_step(found),)
+    return _more_people_step(found, untold), _margin_step(found)
+
+
+def _more_people_step(found: AssessmentResult, untold: Sequence[str]) -> Step:
+    """Return the numbers of people who would show the changes that were seen in `untold` conditions."""
+    count, needed = len(found.participants), found.needed_as_seen
+    text = "More people are needed"
+    if numbers := [f"{name} {_needed_words(needed[name], count)}" for name in untold if name in needed]:
+        text = (
+            f"People who would show the change of {lowered(leading_index().words)} seen here, in 8 of 10 studies: "
+            f"{', '.join(numbers)}"
+        )
+    if found.rig_file:
+        return Step(f"{text}. Raise `count` in `[people]` of `{found.rig_file}`, then simulate again", "simulate")
+    return Step(f"{text}. {'Simulate' if found.is_simulated else 'Record'} more people, or change what varies most")
+
+
+def _needed_words(needed: int | None, count: int) -> str:
+    """Return a number of people by the power analysis; one that this study has is not enough."""
+    if needed is None:
+        return f"more than {CANDIDATE_SIZES[-1]}"
+    return f"about {needed}" if needed > count else f"more than {count}"
+
+
 def _margin_step(found: AssessmentResult) -> Step:
-    """Return what to do next where nothing is certified: record more people, or state margins."""
+    """Return what to do next to ask about transparency: state margins, or record a participant to test with."""
     count = len(found.participants)
     if found.has_margins or count == 1:
         tested = "margins" if found.has_margins else "conditions"
         return Step(f"Record the next participant: {tested} are tested with two or more participants")
-    text = "State the allowed change of each index in `[assessment.margins]`, then check the study"
-    if count < MIN_PEOPLE:
-        return Step(
-            f"Record {MIN_PEOPLE} people or more first: {count} cannot show that a condition is transparent. "
-            f"{text}", "check"
-        )  # fmt: skip
-    return Step(text, "check")
+    few = f" (a claim needs {MIN_PEOPLE} people at least)" if count < MIN_PEOPLE else ""
+    return Step(
+        f"To ask whether a condition is transparent{few}, state the allowed change of each index in "
+        "`[assessment.margins]`, then check the study",
+        "check",
+    )
 
 
 def _basis(found: AssessmentResult) -> Basis:
     used, excluded = len(found.participants), sum(found.left_out.values())
-    recorded = f" of {found.movements + excluded:,}" if excluded else ""
-    movements = f"{found.movements:,}{recorded} movements"
+    movements = f"{found.movements:,} movements"
+    if excluded:
+        reasons = {reason_words(kind): n for kind, n in found.left_out.items() if n}
+        why = ", ".join(f"{n:,} {words}" for words, n in reasons.items()) if len(reasons) > 1 else next(iter(reasons))
+        movements = f"{found.movements:,} of {found.movements + excluded:,} movements ({excluded:,} excluded: {why}"
+        allowed = max((each.max_left_out for each in found.certified), default=1.0)
+        claim = "; a claim of transparency allows at most" if allowed < 1.0 else ""
+        movements += f"{claim} {100.0 * allowed:g} %)" if claim else ")"
     return Basis(used, used + len(found.without), "participant", movements, more=(_plan_text(found),))
 
 
@@ -290,7 +356,7 @@ def _changes_text(findings: AssessmentResult) -> str:
     for condition, change in changes.items():
         shown = change_value(findings, name, condition, change)
         ends = f"{change.interval} {change.unit}".replace("-", MINUS_SIGN) if change.interval else "not known"
-        parts.append(f"{condition.replace('_', ' ')} {shown} {change.unit} ({level} {ends})")
+        parts.append(f"{condition} {shown} {change.unit} ({level} {ends})")
     words = each.table.index.words
     people = f"{len(findings.participants)} {'people' if len(findings.participants) != 1 else 'person'}"
     return f"{words} against {findings.control}, {people}: {', '.join(parts)}.{_cut_text(findings)}"
@@ -302,28 +368,31 @@ def _test_level(own: Certificate) -> str:
 
 
 def _tested_changes_text(findings: AssessmentResult) -> str:
-    """Return an end point's changes with the intervals of the equivalence test and their margin, in a sentence.
-
-    It is the leading index, or the first end point where that has no margin.
-    """
-    first, leading = findings.certified[0], leading_index().name
-    name = leading if leading in first.end_points else next(iter(first.end_points))
-    parts = []
+    """Return the change, interval and margin of the end point that decides each condition, in a sentence."""
+    parts: list[tuple[str, str, str, str]] = []
     for each in findings.certified:
+        name = deciding_end_point(each)
         point, own = each.end_points[name], each.certificate.end_points[name]
         change = primary_change(findings, name, each.condition)
         shown = "not known" if change is None else (
             f"{change_value(findings, name, each.condition, change)} {change.unit}".rstrip()
         )
         ends = interval_with_unit(point, own).replace("-", MINUS_SIGN)
-        parts.append(f"{each.condition.replace('_', ' ')} {shown} ({ends})")
-    point, test = first.end_points[name], first.certificate.end_points[name]
-    margin = margin_text(point, test).replace("-", MINUS_SIGN)
+        margin = margin_text(point, own).replace("-", MINUS_SIGN)
+        parts.append((point.index.words, f"{each.condition} {{}}{shown}", ends, margin))
     people = f"{len(findings.participants)} people"
-    return (
-        f"{point.index.words} against {findings.control}, {people}, with the {_test_level(first.certificate)} interval "
-        f"of the equivalence test: {', '.join(parts)}; margin {margin}.{_cut_text(findings)}"
-    )
+    level = _test_level(findings.certified[0].certificate)
+    against = f"against {findings.control}, {people}, with the {level} interval of the equivalence test"
+    words, _, _, margin = parts[0]
+    if all((each[0], each[3]) == (words, margin) for each in parts):
+        told = ", ".join(f"{shown.format('')} ({ends})" for _, shown, ends, _ in parts)
+        text = f"{words} {against}: {told}; margin {margin}"
+    else:
+        told = "; ".join(
+            f"{shown.format(f'in {lowered(words)} ')} ({ends}; margin {margin})" for words, shown, ends, margin in parts
+        )
+        text = f"Deciding end points {against}: {told}"
+    return f"{text}.{_cut_text(findings)}"
 
 
 def _cut_text(findings: AssessmentResult) -> str:

@@ -186,7 +186,7 @@ def _panel(axis, each: Assessed, tone: Mapping[str, str]) -> None:
         dots(axis, np.full(len(values), float(x)), values, tone[condition], alpha=0.9, size=5.0)
     unit = unit_text(unit)
     tidy(axis, first=True, text=f"{table.index.short}" + (f" ({unit})" if unit else ""), ticks=5)
-    axis.set_xticks(at, [condition.replace("_", "\n") for condition in table.conditions])
+    axis.set_xticks(at, [condition.replace("_", "_\n") for condition in table.conditions])
     axis.set_xlim(-0.6, len(at) - 0.4)
     axis.grid(visible=False, axis="x")
 
@@ -214,7 +214,7 @@ def changes_figure(
     roles = dict(zip((c for c in conditions if c != control), CONDITION_COLOUR_ROLES[1:], strict=False))
     estimates = [
         Estimate(
-            condition.replace("_", " "), change.value, change.low, change.high,
+            condition, change.value, change.low, change.high,
             roles.get(condition, CONDITION_COLOUR_ROLES[-1]),
             f"{'≥ ' if change.at_least else ''}{change_figure(change.value, change.unit)}".replace("-", MINUS_SIGN)
             if np.isfinite(change.value) else "",

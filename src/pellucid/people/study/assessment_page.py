@@ -24,7 +24,7 @@ from ...study.procedures.study_page import provenance, study_page
 from ...study.study import Study, checksum
 from ..analysis import ANALYSIS_FILE
 from ..certificate import FAIL, Certificate
-from ..certificate_text import people_text
+from ..certificate_text import p_statement, people_text
 from ..indices import SHOWN_INDICES, index_names, leading_index
 from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, MODEL_PEOPLE
 from . import assessment_figures as figures
@@ -33,9 +33,8 @@ from .assessment_answer import change_value, known_changes, reviewed_answer
 from .assessment_result import AssessmentResult, kept_certificates
 from .assessment_table import AssessmentTable
 from .certified_rows import TEST_ASSUMPTIONS, TEST_NAMES, certificate_remarks, certificate_sentences
-from .pointing import REASON_WORDS
+from .pointing import reason_words
 from .primary_change import ESTIMAND_WORDS, primary_change
-from .statements import p_statement
 
 
 def page(study: Study, findings: AssessmentResult) -> Page:
@@ -105,8 +104,8 @@ def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
             texts = {c: str(Value(rows[c], x, number(x, digits=3))) for c, x in shown.items()}
             unit = f"{unit_text(each.table.index.unit)}{index.tile.after_unit}"
         least = min(shown, key=lambda c: abs(shown[c]) if np.isfinite(shown[c]) else np.inf)
-        rest = ", ".join(f"{c.replace('_', ' ')} {text}" for c, text in texts.items() if c != least)
-        made.append(Tile(f"{index.tile.label}, {least.replace('_', ' ')}", texts[least], unit, rest))
+        rest = ", ".join(f"{c} {text}" for c, text in texts.items() if c != least)
+        made.append(Tile(f"{index.tile.label}, {least}", texts[least], unit, rest))
     return tuple(made)
 
 
@@ -409,7 +408,7 @@ def _exclusions(spec: AssessmentTable, found: AssessmentResult) -> Section:
     rows += [("participant", person, why) for person, why in found.without.items()]
     rows += [("recording", name, why) for name, why in found.unusable.items()]
     rows += [
-        ("movements", str(count), REASON_WORDS.get(why, "with the amplitude of another label"))
+        ("movements", str(count), reason_words(why))
         for why, count in found.left_out.items()
     ]
     for each in found.certified:

@@ -56,6 +56,7 @@ class Certified:
     lost: Mapping[str, Mapping[str, tuple[int, int]]] = field(default_factory=dict)
     max_left_out: float = 0.0  # largest share of movements and of participants that may be lost
     lost_people: tuple[str, ...] = ()  # participants who were recorded and take no part
+    needed_beyond: int | None = None  # participants for a power of 90 % of "beyond", if changes are as they were seen
 
     @property
     def test(self) -> str:
@@ -156,6 +157,10 @@ class AssessmentResult(Result):
     isochrony: tuple[Isochrony, ...] = field(default=(), repr=False)
     sensitivity: tuple[Sensitivity, ...] = field(default=(), repr=False)
     needed: tuple[Needed, ...] = ()
+    # by condition, participants who would show the change of the leading index that was seen; None if more than tried
+    needed_as_seen: Mapping[str, int | None] = field(default_factory=dict)
+    is_simulated: bool = False  # whether study.toml says that the recordings were simulated
+    rig_file: str = ""  # file, relative to the study's folder, from which its people are simulated; "" without one
     # by condition, whether somebody's median duration was not reached: in the condition, and in control
     unreached: Mapping[str, tuple[bool, bool]] = field(default_factory=dict, repr=False)
     estimand: Estimand = "mean"  # quantity that stands for people's changes

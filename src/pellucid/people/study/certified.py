@@ -10,21 +10,37 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from ..._errors import StudyError
 from ..analysis import Analysis, EndPoint
-from ..certificate import LEARNING_DOUBT, Certificate, LostCounts, PeoplesChanges, decide, tested_changes
+from ..certificate import (
+    CANNOT_SAY,
+    LEARNING_DOUBT,
+    Certificate,
+    LostCounts,
+    PeoplesChanges,
+    certificate_from_tests,
+    decide,
+    tested_changes,
+)
 from ..design_columns import DIRECTION_UP, MeasuredMovement
-from ..equivalence import Equivalence, Margin
+from ..equivalence import BEYOND_MARGIN, Equivalence, Margin, Method, equivalence
 from ..indices import CutOff, Index
 from ..learning import OrderedMovements, learning
 from ..mixed_model import MIN_MOVEMENTS, MixedModel, failed_model, mixed_model
 from ..movement_indices import IndexTable, index_table
 from ..movement_noise import MovementNoise, movement_noise
-from ..power import MIN_FORECAST_PEOPLE, Active, find_equivalence_participants, lasting_bounds
+from ..power import (
+    CERTIFICATE_SIZES,
+    MIN_FORECAST_PEOPLE,
+    Active,
+    find_equivalence_participants,
+    find_fewest,
+    lasting_bounds,
+)
 from ..session_periods import MIN_ORDERED_PEOPLE, adjustment
 from ..uneven_losses import completed_values, excess_losses
 from .assessment_result import Certified
@@ -351,6 +367,12 @@ PLANNED_POWER = 0.9
 SIMULATED_STUDY_COUNT = 1000
 """Number of simulated studies behind the planned number of participants."""
 
+RESAMPLED_STUDY_COUNT = 200
+"""Number of studies of each size whose people are drawn from those of the study."""
+
+RESAMPLING_SEED = 7
+"""Seed of these draws."""
+
 
 def certify_conditions(
     found: AssessmentResult,
@@ -436,7 +458,7 @@ def _certify(
         condition, joint, wanted, len(people), _people_needed(wanted, joint, seen, active, executor), analysis.estimand,
         tuple(people), models, beside, trends, _unknown(changes, whole, wanted, tables, pair, people, order),
         _failed(whole, pair, people), shown, {**{n: own.lost for n, own in changes.items()}, **lost_of_curves},
-        analysis.max_left_out, lost_people,
+        analysis.max_left_out, lost_people, _people_needed_beyond(joint),
     )  # fmt: skip
 
 
@@ -462,6 +484,39 @@ def _people_needed(
         covariance, [point.margin for point in wanted.values()], power=PLANNED_POWER, change=change,
         alpha=joint.alpha, active=active, studies=SIMULATED_STUDY_COUNT, executor=executor,
     )  # fmt: skip
+
+
+def _people_needed_beyond(joint: Certificate) -> int | None:
+    """Return with how many people a change beyond its margin would be significant, if changes are as they were seen.
+
+    None where no end point tested alone is beyond its margin, or more people than were tried are needed. People are
+    drawn with replacement from those of this study.
+    """
+    alone = [name for name, own in joint.end_points.items() if own.verdict == BEYOND_MARGIN]
+    if joint.verdict != CANNOT_SAY or not alone or joint.end_points[alone[0]].pairs < MIN_FORECAST_PEOPLE:
+        return None
+
+    def share(count: int) -> float:
+        rng = np.random.default_rng([RESAMPLING_SEED, count])
+        return float(np.mean([_is_beyond(joint, rng, count) for _ in range(RESAMPLED_STUDY_COUNT)]))
+
+    now = joint.end_points[alone[0]].pairs
+    sizes = [size for size in CERTIFICATE_SIZES if size > now]
+    return find_fewest(sizes, lambda count: share(count) >= PLANNED_POWER, now)
+
+
+def _is_beyond(joint: Certificate, rng: np.random.Generator, count: int) -> bool:
+    """Return whether an end point of a study of `count` people, drawn from those of this one, is beyond its margin."""
+    pairs = min(own.pairs for own in joint.end_points.values())
+    rows = rng.integers(pairs, size=count)
+    tests = {}
+    for name, own in joint.end_points.items():
+        tests[name] = equivalence(
+            own.differences[rows], own.margin, upper=own.highest[rows] if own.bounded else None, alpha=own.alpha,
+            method=cast("Method", own.method),
+        )  # fmt: skip
+    drawn = certificate_from_tests(tests, joint.alpha, rule=joint.rule)
+    return any(drawn.tested(name) == BEYOND_MARGIN for name in tests)
 
 
 def _failed(whole: MeasuredStudy, pair: tuple[str, str], people: list[str]) -> dict[str, tuple[int, int]]:

@@ -28,6 +28,7 @@ from ..certificate_text import (
     carry_over_note,
     change_text,
     interval_text,
+    p_statement,
     p_text,
     people_text,
     share_reason,
@@ -36,6 +37,7 @@ from ..certificate_text import (
     tipping_text,
 )
 from ..equivalence import BEYOND_MARGIN, MAX_BAYES_FACTOR, MAX_TIPPING_POINT, UNDECIDED, WITHIN_MARGIN, Equivalence
+from ..indices import leading_index
 from ..power import CERTIFICATE_SIZES
 from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, TOO_FEW
 from .movement_curves import QUANTITY_NAMES
@@ -169,6 +171,28 @@ def _nearest_text(each: Certified) -> str:
     )
 
 
+def deciding_end_point(each: Certified) -> str:
+    """Return the end point on which the verdict on a condition rests: the leading index where it is among them.
+
+    "Not transparent" rests on changes beyond their margins, and "cannot say" on those that nobody can tell. Where a
+    curve alone decides, it is the leading index or the first end point.
+    """
+    own, names = each.certificate, list(each.end_points)
+    if own.verdict == FAIL:
+        beyond = [n for n in names if own.said_of(n) == BEYOND_MARGIN]
+        ranked = [n for n in beyond if own.beyond[n] <= own.alpha] or beyond
+        ranked.sort(key=own.p_beyond)
+    elif own.verdict == PASS:
+        ranked = []
+    else:
+        alone = [n for n in names if own.end_points[n].verdict == BEYOND_MARGIN]
+        ranked = alone or [n for n in names if own.said_of(n) == UNDECIDED]
+        ranked.sort(key=lambda n: -own.end_points[n].p_within)
+    ranked = ranked or names
+    leading = leading_index().name
+    return leading if leading in ranked else ranked[0]
+
+
 def certificate_sentences(found: AssessmentResult) -> tuple[str, ...]:
     """Return the verdict on each condition, and its reason."""
     return tuple(
@@ -234,12 +258,13 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
         return _doubts_text(doubted, each)
     tests = own.end_points
     # Where the mean alone is not beyond the margin, people far beyond it are the reason.
-    alone = [words[n] + (own.far_note(n) if tests[n].p_beyond > own.alpha else "")
-             for n in tests if tests[n].verdict == BEYOND_MARGIN]  # fmt: skip
-    if alone:
+    single = [n for n in tests if tests[n].verdict == BEYOND_MARGIN and own.tested(n) != BEYOND_MARGIN]
+    if single:
+        alone = [words[n] + (own.far_note(n) if tests[n].p_beyond > own.alpha else "") for n in single]
+        p = min(own.p_beyond(n) for n in single)
         return (
-            f"Tested alone, {', '.join(alone)} would be beyond the margin. As the largest of {len(words)} changes in "
-            f"{each.participants} people, this may be chance."
+            f"Tested alone, {', '.join(alone)} would be beyond the margin. It is not significant after Holm's "
+            f"correction for {len(words)} end points ({p_statement(p)}; {own.alpha:g} or less is required)."
         )
     cut = [words[n] for n in tests if tests[n].bounded]
     if cut:

@@ -477,7 +477,7 @@ def _which_marker(record: PointingRecord, spec: AssessmentTable) -> str:
 
 
 REASON_WORDS = {
-    "lost": "with a marker lost",
+    "lost": "with missing samples of the motion",
     "still": "that did not reach half-way",
     "direction": "the other way",
     "no_peak": "without a clear peak of the speed",
@@ -485,6 +485,11 @@ REASON_WORDS = {
     "unfinished": "not finished when the next target came",
 }
 """Words for `NoMovement.kind`, to follow a number."""
+
+
+def reason_words(kind: str) -> str:
+    """Return why stretches have no movement, to follow their number."""
+    return REASON_WORDS.get(kind, "that went as far as another label")
 
 
 def _label_faults(

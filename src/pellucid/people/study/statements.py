@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.estimates import Verdict
+from ..certificate_text import p_statement
 from ..comparison import smallest_p
 from ..equivalence import WITHIN_MARGIN
 from ..indices import MOVEMENT_DURATION, index_names, leading_index
 from .assessment_tables import PRINTED_UNITS
-from .pointing import REASON_WORDS
+from .pointing import reason_words
 from .primary_change import ESTIMAND_WORDS, primary_change
 
 if TYPE_CHECKING:
@@ -208,7 +209,7 @@ def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdic
     total = sum(found.left_out.values())
     if total:
         words = ", ".join(
-            f"{n} {REASON_WORDS.get(why, 'that went as far as another label')}" for why, n in found.left_out.items()
+            f"{n} {reason_words(why)}" for why, n in found.left_out.items()
         )
         found_verdicts.append(
             Verdict("note", f"{total} of {total + found.movements} movements were excluded: {words}.")
@@ -269,8 +270,3 @@ def rule_words(rule: str) -> str:
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:+.1f} %"
-
-
-def p_statement(p: float) -> str:
-    """Return a p value as a sentence has it."""
-    return "p < 0.001" if p < 1e-3 else f"p = {p:.3f}"
