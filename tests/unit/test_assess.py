@@ -119,6 +119,7 @@ def test_another_filter_is_told(whole):
     # No recording of control has an encoder that its markers could be compared with: what 10 ms would change is told.
     assert words == {"3 Hz", "1.5 Hz", "6 Hz", "12 Hz", "2.5 %", "10 %", "first rest", "10 ms"}
     assert {s.index for s in found.sensitivity if s.words == "10 ms"} == {"emgacc", "emg_level"}
+    assert {"duration_median", "duration"} <= {s.index for s in found.sensitivity if s.words == "6 Hz"}
     by = {s.words: s for s in found.sensitivity if (s.index, s.condition) == ("acceleration", "PCFr")}
     assert by["6 Hz"].control > by["3 Hz"].control  # a 3 Hz filter lowers peaks
 

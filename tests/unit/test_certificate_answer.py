@@ -7,10 +7,12 @@ import pytest
 
 from pellucid.people.certificate import LEFT_OUT_DOUBT
 from pellucid.people.comparison import compare_conditions
+from pellucid.people.indices import INDICES, leading_index
 from pellucid.people.movement_indices import IndexTable
 from pellucid.people.study import assessment_answer
-from pellucid.people.study.assessment_result import Assessed
+from pellucid.people.study.assessment_result import Assessed, Sensitivity
 from pellucid.people.study.certified_rows import _why_undecided, deciding_end_point
+from pellucid.people.study.statements import _filter_verdicts
 from pellucid.study.answer import Answer, Step, unanswered_message
 
 
@@ -233,3 +235,16 @@ def test_a_doubted_end_point_is_said_to_lie_where_its_test_found_it():
     said = _why_undecided(each, {"duration": "Duration"}, ["Duration"])
     assert said.startswith("Duration is beyond its margin, but this is not shown with targets without a movement")
     assert assessment_answer._recording_steps([each]) == (Step("CLPC: find out why targets have no movement"),)
+
+
+def test_the_headline_index_is_tried_by_other_rules_and_named():
+    """"duration (significant except ...)" was the mean duration, and the median that headed the page was not tried."""
+    tried = [
+        Sensitivity(words, index, "PCFr", 1.0, 0.3, p)
+        for index, by in {"duration_median": (0.2, 0.3), "duration": (0.2, 0.01)}.items()
+        for words, p in zip(("3 Hz", "6 Hz"), by, strict=True)
+    ]
+    (verdict,) = _filter_verdicts(SimpleNamespace(sensitivity=tried, indices=INDICES, confidence=0.95))
+    assert "mean duration (significant only with a low-pass of 6 Hz)" in verdict.text
+    assert verdict.text.endswith("Median duration is not significant with any of them.")
+    assert leading_index().tries_rules

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from pellucid._errors import PellucidError, StudyError
 from pellucid.cli import app
 from pellucid.models.anthropometry import point_mass
+from pellucid.people.comparison import compare_conditions
 from pellucid.start_study import init
 from pellucid.study.results import read_rows
 from pellucid_lab.elbow.rig import able_elbow
@@ -175,7 +176,7 @@ def test_the_command_tells_intervals_and_keeps_them(tmp_path, monkeypatch):
     assert named <= {row.id for row in read_rows(tmp_path / "these" / PREDICTION_FILE)}
     assert told.exit_code == 0, told.output
     # The terminal asked "May these figures be used?" where the page answered what the command is for.
-    assert " ".join(told.output.split()).startswith("these: Do these controllers change people's movement (duration")
+    assert " ".join(told.output.split()).startswith("these: Would a study of 6 people show that these")
     assert "robot-person pairs, simulated; numbers are of studies of 6 people." in " ".join(told.output.split())
     assert told.output.splitlines()[-1] == "Next: pellucid init my-session --session elbow"
     assert "80 % of studies of 6 people" in told.output
@@ -202,6 +203,21 @@ def test_the_command_tells_intervals_and_keeps_them(tmp_path, monkeypatch):
         predict(tmp_path / "joint")
     with pytest.raises(StudyError, match="no such file"):
         predict(tmp_path / "nowhere")
+
+
+def test_the_answer_is_what_the_study_itself_would_show():
+    """It said "yes" of controllers of which the study's own tests could not say: its interval left out no change."""
+    made = fabricated(("FC", "PCFr"))
+    studies = made.studies(300, size=6)
+    shown = studies.shown("duration_median")
+    i = INDICES.index("duration_median")
+    for law, k in (("FC", 0), ("PCFr", 1)):
+        told = []
+        for control, worn in zip(studies.control[:, :, i], studies.worn[:, :, :, i], strict=True):
+            found = compare_conditions(np.column_stack([control, *worn]), ("Ctrl", "FC", "PCFr"), "Ctrl")
+            told.append(found.p_value is not None and found.p_value < 0.05 and found.pair("Ctrl", law) < 0.05)
+        assert shown[law] == pytest.approx(np.mean(told))
+        assert studies.laws[k] == law
 
 
 def test_screening_finds_what_an_effect_hangs_on(monkeypatch):

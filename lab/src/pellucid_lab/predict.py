@@ -17,7 +17,7 @@ from pellucid.study.procedures.result import FigureTable, Result
 from pellucid.study.results import ResultRow, write_rows
 
 from .known_rigs import parse_rig
-from .pointing.predicted_indices import PREDICTED_INDICES, PredictedIndex
+from .pointing.predicted_indices import LEADING_PREDICTED_INDEX, PREDICTED_INDICES, PredictedIndex
 from .pointing.prediction import (
     CARRYING_CONTROLLERS,
     NOTHING_CARRIED,
@@ -59,7 +59,7 @@ class Predicted(Result):
     carried: CarriedWeight = NOTHING_CARRIED
 
     def make_answer(self) -> Answer:
-        """Return whether controllers change the leading index."""
+        """Return whether a study would show that controllers change the leading index."""
         return _answer(self)
 
 
@@ -215,6 +215,9 @@ def _make_result(
             for what, value in (("", middle), (".low", low), (".high", high)):
                 row = f"{name}.predicted.{index.name}.{law.lower()}{what}"
                 rows.append(ResultRow(row, value, "%", "predict", "simulated", note=drawn))
+    for law, share in studies.shown(LEADING_PREDICTED_INDEX.name).items():
+        row = f"{name}.predicted.{LEADING_PREDICTED_INDEX.name}.{law.lower()}.shown"
+        rows.append(ResultRow(row, 100.0 * share, "%", "predict", "simulated", note=f"of studies; {drawn}"))
     rate = made.movements / made.cpu
     rows += [
         ResultRow(f"{name}.predicted.movements", made.movements, "1", "predict", "simulated", note="in robots"),
@@ -234,24 +237,26 @@ def _make_result(
 
 
 def _answer(found: Predicted) -> Answer:
-    """Return whether controllers change the leading index: each whose interval leaves out zero does."""
-    index = PREDICTED_INDICES[0]
+    """Return whether a study would show that controllers change the leading index, by its own tests."""
+    index, needed = LEADING_PREDICTED_INDEX, 100.0 * found.confidence
     parts, numbers = [], []
-    for law in found.prediction.laws:
+    for law, share in found.studies.shown(index.name).items():
         low, middle, high = found.studies.interval(index.name, law)
-        told = low > 0.0 or high < 0.0
-        words = condition_words(law)
-        parts.append(AnswerPart(words, "yes" if told else "cannot say", f"{middle:+.3g} % ({low:+.3g} to {high:+.3g})"))
+        words, percent = condition_words(law), 100.0 * share
+        parts.append(AnswerPart(words, "yes" if percent >= needed else "no", f"shown in {percent:.0f} % of studies"))
+        row = row_id(found, index, law)
+        numbers.append(AnswerNumber(f"studies that show {words}", percent, "%", id=f"{row}.shown"))
         numbers.append(AnswerNumber(f"{index.words}, {words}", middle, "%", (low, high), row_id(found, index, law)))
     pairs = len(found.prediction.worn) * found.prediction.people
-    told = any(part.verdict == "yes" for part in parts)
-    more = f"Predict studies of more than {found.participants} people (`--participants`): their intervals are narrower"
-    larger = () if told else (Step(more),)
+    is_shown = any(part.verdict == "yes" for part in parts)
+    more = f"Predict studies of more than {found.participants} people (`--participants`): more of them show a change"
+    larger = () if is_shown else (Step(more),)
     return Answer(
-        f"Do these controllers change people's movement ({index.words}) relative to no robot?",
-        "yes" if told else "cannot say",
-        _headline(found, index, f"{100.0 * found.confidence:.0f} % of simulated studies"),
-        "" if told else "every interval contains 0",
+        f"Would a study of {found.participants} people show that these controllers change {index.words}, against no "
+        "robot?",
+        "yes" if is_shown else "no",
+        _headline(found, index, f"{needed:.0f} % of simulated studies"),
+        "" if is_shown else f"each change is shown in fewer than {needed:.0f} % of simulated studies",
         tuple(parts),
         tuple(numbers),
         Basis(pairs, pairs, "robot-person pair", f"studies of {found.participants} people", is_simulated=True),
@@ -260,7 +265,11 @@ def _answer(found: Predicted) -> Answer:
 
 
 def _headline(found: Predicted, index: PredictedIndex, share: str) -> str:
-    """Return the change of an index under each controller with its interval."""
+    """Return in which share of studies each controller's change of an index is shown, and the change itself."""
+    shown = ", ".join(
+        f"{condition_words(law)} {Value(f'{row_id(found, index, law)}.shown', 100.0 * x, f'{100.0 * x:.0f}')} %"
+        for law, x in found.studies.shown(index.name).items()
+    )
     parts = []
     for law in found.prediction.laws:
         low, middle, high = found.studies.interval(index.name, law)
@@ -268,7 +277,11 @@ def _headline(found: Predicted, index: PredictedIndex, share: str) -> str:
         ends = (Value(f"{row}{end}", x, number(x, digits=3)) for end, x in ((".low", low), (".high", high)))
         told = " to ".join(map(str, ends))
         parts.append(f"{condition_words(law)} {Value(row, middle, number(middle, digits=3))} % ({told})")
-    return f"Change from no robot ({index.words}), with what {share} find: {'; '.join(parts)}."
+    return (
+        f"Simulated studies whose own tests (Friedman's and Nemenyi's) show the change: {shown}; yes needs "
+        f"{100.0 * found.confidence:.0f} %. Change of {index.words} from no robot, with what {share} measure: "
+        f"{'; '.join(parts)}."
+    )
 
 
 def row_id(found: Predicted, index: PredictedIndex, law: str) -> str:

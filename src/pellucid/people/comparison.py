@@ -187,6 +187,44 @@ def _exact_p_value(ranks: np.ndarray, sums: np.ndarray) -> float:
     return float(min(1.0, chance[spread >= seen].sum()))
 
 
+def tells_from_control(values: np.ndarray, control: int = 0, *, alpha: float = 0.05) -> np.ndarray:
+    """Return whether Friedman's and Nemenyi's tests of each study tell each condition from control, (studies, k).
+
+    `values`, (studies, n, k), are participants' values; `control` is its column. The limit of Friedman's statistic is
+    that of values without ties. With one participant nothing is told.
+    """
+    studies, n, k = values.shape
+    if n < 2 or k < 2 or not studies:
+        return np.zeros((studies, k), bool)
+    ranks = tied_ranks(values, axis=2)
+    sums = ranks.sum(axis=1)
+    spread = np.sum((ranks - 0.5 * (k + 1)) ** 2, axis=(1, 2))
+    far = (k - 1) * np.sum((sums - 0.5 * n * (k + 1)) ** 2, axis=1)
+    statistic = np.divide(far, spread, out=np.zeros_like(far), where=spread > 0.0)
+    least = stats.studentized_range.isf(alpha, k, np.inf) / np.sqrt(2.0) * n * np.sqrt(k * (k + 1) / (6.0 * n))
+    apart = np.abs(sums - sums[:, [control]]) > least
+    return apart & (statistic >= _critical_statistic(sums, statistic, n, alpha))[:, None]
+
+
+def _critical_statistic(sums: np.ndarray, statistic: np.ndarray, n: int, alpha: float) -> float:
+    """Return the smallest of Friedman's statistics, (studies,), that is significant; infinite if none is."""
+    _, first = np.unique(statistic.round(9), return_index=True)
+    whole = [i for i in first if (sums[i] == sums[i].round()).all()]
+    low, high = 0, len(whole)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if _p_of_sums(sums[whole[middle]], n) < alpha else (middle + 1, high)
+    return float(statistic[whole[low]]) - 1e-9 if low < len(whole) else np.inf
+
+
+def _p_of_sums(sums: np.ndarray, n: int) -> float:
+    """Return Friedman's p value of rank sums, exact where that can be counted."""
+    try:
+        return friedman_from_rank_sums(sums, n, exact=True).p
+    except PellucidError:  # too many to count
+        return friedman_from_rank_sums(sums, n).p
+
+
 REFERENCE_STUDY_COUNT = 100_000
 """Number of simulated studies behind each reference distribution."""
 

@@ -119,7 +119,7 @@ class Index:
 
 
 MOVEMENT_DURATION = Index(
-    name="duration", words="Duration", short="Duration", unit="s",
+    name="duration", words="Mean duration", short="Mean duration", unit="s",
     worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL, is_positive=True,
     of="duration", of_movement=lambda motion, movement: movement.duration, cut_off=CutOff.SEEN_DURATION,
     has_table=True, tries_rules=True, is_planned=True,
@@ -205,7 +205,7 @@ MEDIAN_DURATION = Index(
     worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL, is_positive=True,
     of=MOVEMENT_DURATION.of, of_curve=lambda curve: curve.bounded_median, cut_off=CutOff.AT_LEAST_SEEN,
     leads=True,
-    paragraph_place=1, panel_place=1, tile=Tile("Median duration"), has_table=True, is_planned=True,
+    paragraph_place=1, panel_place=1, tile=Tile("Median duration"), has_table=True, tries_rules=True, is_planned=True,
 )  # fmt: skip
 TIME_AFTER_ARRIVAL = Index(
     name="after_arrival", words="Time after the first arrival", short="After arrival", unit="s",

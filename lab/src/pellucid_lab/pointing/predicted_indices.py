@@ -17,6 +17,7 @@ from pellucid.people.indices import (
     MOVEMENT_DURATION,
     PEAK_VELOCITY,
     UNSETTLED_SHARE,
+    leading_index,
 )
 
 from .session_indices import PUBLISHED_RULE, SessionIndices
@@ -64,9 +65,9 @@ def _mean_duration(found: SessionIndices) -> float:
 
 
 PREDICTED_INDICES: tuple[PredictedIndex, ...] = (
-    PredictedIndex(MOVEMENT_DURATION.name, "duration, mean", _mean_duration, change_of_mean),
+    PredictedIndex(MOVEMENT_DURATION.name, "mean duration", _mean_duration, change_of_mean),
     PredictedIndex(
-        MEDIAN_DURATION.name, "duration, median", lambda found: found.means[PUBLISHED_RULE].duration_median,
+        MEDIAN_DURATION.name, "median duration", lambda found: found.means[PUBLISHED_RULE].duration_median,
         median_change, is_screened=True,
     ),
     PredictedIndex(
@@ -85,6 +86,9 @@ PREDICTED_INDICES: tuple[PredictedIndex, ...] = (
 """Every predicted index, in the order of arrays and tables."""
 
 PREDICTED_INDICES_BY_NAME = {index.name: index for index in PREDICTED_INDICES}
+
+LEADING_PREDICTED_INDEX = PREDICTED_INDICES_BY_NAME[leading_index().name]
+"""The predicted index that an assessment of the study judges first."""
 
 
 def change(index: str, worn: np.ndarray, control: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.transparent_laws import expecting_load
 from pellucid.models.anthropometry import Segment
+from pellucid.people.comparison import tells_from_control
 
 from ..elbow.rig import ElbowRig, with_fastened_load
 from ..processes import ordered_results
@@ -157,6 +158,14 @@ class DrawnStudies:
         i, k = INDICES.index(index), self.laws.index(law)
         worn, control = self.worn[:, k, :, i], self.control[:, :, i]
         return change(index, worn, control)
+
+    def shown(self, index: str) -> dict[str, float]:
+        """Return by law in which share of the studies their own tests tell its `index` from the control condition."""
+        i = INDICES.index(index)
+        values = np.concatenate([self.control[:, None, :, i], self.worn[:, :, :, i]], axis=1).swapaxes(1, 2)
+        values = values[np.isfinite(values).all(axis=(1, 2))]
+        told = tells_from_control(values)
+        return {law: float(told[:, k + 1].mean()) if len(told) else float("nan") for k, law in enumerate(self.laws)}
 
     def interval(self, index: str, law: str, share: float = STUDY_INTERVAL_SHARE) -> tuple[float, float, float]:
         """Return lower end, median and upper end of the interval with the middle `share` of the studies [%]."""

@@ -19,7 +19,7 @@ from ...units import Coordinate
 from ..analysis import Analysis
 from ..comparison import compare_conditions
 from ..design_columns import DIRECTION_UP, MeasuredMovement
-from ..indices import INDICES, SHOWN_INDICES, index_names, indices_along, leading_index
+from ..indices import INDICES, SHOWN_INDICES, CutOff, index_names, indices_along, leading_index
 from ..movement_indices import index_table, isochrony
 from ..movements import MovementRule
 from ..power import (
@@ -360,8 +360,9 @@ def _sensitivity(
     names: Sequence[str],
     order: SessionOrder,
 ) -> tuple[Sensitivity, ...]:
+    unreached = {words: _unreached(whole, participants, conditions, spec.control) for words, whole in measured.items()}
     return tuple(
-        _sensitive(words, each, condition, spec, conditions, order)
+        _sensitive(words, each, condition, spec, conditions, order, unreached[words].get(condition, (False, False)))
         for words, whole in measured.items()
         for each in _assessed(whole, participants, conditions, spec, along, names).values()
         for condition in each.table.conditions
@@ -370,15 +371,18 @@ def _sensitivity(
 
 
 def _sensitive(
-    words: str, each: Assessed, condition: str, spec: AssessmentTable, conditions: Sequence[str], order: SessionOrder
-) -> Sensitivity:
+    words: str, each: Assessed, condition: str, spec: AssessmentTable, conditions: Sequence[str], order: SessionOrder,
+    unreached: tuple[bool, bool],
+) -> Sensitivity:  # fmt: skip
     control = spec.control
     base = float(each.table.column(control).mean()) if control in each.table.conditions else float("nan")
     p = float("nan") if each.comparison.p_value is None else each.comparison.p_value
     sessions = order.sessions(each.table.participants, conditions, control, condition)
     found = change_of_table(each.table, condition, control, spec.analysis.estimand, sessions=sessions)
     change = float("nan") if found is None else found.value / (100.0 if found.unit == "%" else 1.0)
-    return Sensitivity(words, each.name, condition, base, change, p)
+    # A median that was not reached in the condition leaves a lower bound, in control none.
+    above, below = unreached if each.table.index.cut_off is CutOff.AT_LEAST_SEEN else (False, False)
+    return Sensitivity(words, each.name, condition, base, float("nan") if below else change, p, above and not below)
 
 
 def _needed(

@@ -109,6 +109,7 @@ class Sensitivity:
     control: float  # mean in the control condition, in the index's unit; NaN for an index relative to control
     change: float  # primary change from control, as a share, or in the index's unit if it has no zero
     p_value: float  # p value of Friedman's test, exact if possible
+    at_least: bool = False  # whether the change is a lower bound, because somebody's movements were cut off
 
 
 @dataclass(frozen=True, eq=False)

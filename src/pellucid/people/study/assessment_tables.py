@@ -18,7 +18,7 @@ from .certified_rows import beside_table, certificate_rows, certificate_table, c
 from .primary_change import ESTIMAND_WORDS, PrimaryChange, primary_change
 
 if TYPE_CHECKING:
-    from .assessment_result import Assessed, AssessmentResult, Needed
+    from .assessment_result import Assessed, AssessmentResult, Needed, Sensitivity
 
 RANK_TEST_WORDS = {True: "ranks differ", False: "not in ranks"}
 """What a test of ranks says where the interval of the change does not agree, by whether the test finds a difference."""
@@ -68,7 +68,8 @@ def result_rows(found: AssessmentResult) -> tuple[ResultRow, ...]:
         add(f"{head}.duration.intercept", line.duration_intercept, "s")
     for s in found.sensitivity:
         rule = re.sub(r"[^a-z0-9]+", "_", s.words.replace(" Hz", "hz").replace("%", "percent").lower())
-        add(f"assess.sensitivity.{rule}.{s.index}.{s.condition.lower()}", 100.0 * s.change, "%", s.words)
+        change = 100.0 * s.change if np.isfinite(s.change) else None
+        add(f"assess.sensitivity.{rule}.{s.index}.{s.condition.lower()}", change, "%", s.words)
     for each in found.needed:
         note = f"signed ranks against control, power 0.8, d of pairs {each.effect:.3g}"
         note += "" if each.participants else "; more than were tried"
@@ -419,7 +420,7 @@ def sensitivity_table(found: AssessmentResult) -> FigureTable:
     rows: list[tuple] = []
     for index, condition in dict.fromkeys((s.index, s.condition) for s in found.sensitivity):
         own = [cells.get((rule, index, condition)) for rule in rules]
-        changes = (None if s is None or np.isnan(s.change) else _fixed(100.0 * s.change, 1) for s in own)
+        changes = (None if s is None else _tried_change(s) for s in own)
         rows.append((found.indices[index].short, f"{condition} %", *changes))
         last = [c for i, c in dict.fromkeys((s.index, s.condition) for s in found.sensitivity) if i == index][-1]
         if condition == last:
@@ -428,18 +429,24 @@ def sensitivity_table(found: AssessmentResult) -> FigureTable:
     return FigureTable(title, ("Index", "", *rules), tuple(rows))
 
 
+def _tried_change(tried: Sensitivity) -> str | None:
+    """Return the change by one rule in %; None where it is not known."""
+    if not np.isfinite(tried.change):
+        return None
+    return f"{'at least ' if tried.at_least else ''}{_fixed(100.0 * tried.change, 1)}"
+
+
 def range_table(found: AssessmentResult) -> FigureTable:
     """How far changes from control move with filters, thresholds and ends of movements; `sensitivity_table` has all."""
     rows = []
     for index, condition in dict.fromkeys((s.index, s.condition) for s in found.sensitivity):
         tried = [s for s in found.sensitivity if (s.index, s.condition) == (index, condition)]
-        changes = [100.0 * s.change for s in tried if np.isfinite(s.change)]
-        if not changes:
+        known = sorted((s for s in tried if np.isfinite(s.change)), key=lambda s: s.change)
+        if not known:
             continue
         p = [s.p_value for s in tried if np.isfinite(s.p_value)]
         p_cells = (p_text(min(p)), p_text(max(p))) if p else (None, None)
-        chosen = 100.0 * tried[0].change
-        cells = (_fixed(each, 1) if np.isfinite(each) else None for each in (chosen, min(changes), max(changes)))
+        cells = map(_tried_change, (tried[0], known[0], known[-1]))
         rows.append((found.indices[index].short, condition, *cells, *p_cells))
     title = f"Change from {found.control} (%) as chosen, and over all filters, thresholds and ends tried"
     return FigureTable(title, ("Index", "", "Chosen", "Least", "Most", "p from", "to"), tuple(rows))

@@ -12,7 +12,7 @@ from ...models.estimates import Verdict
 from ..certificate_text import p_statement
 from ..comparison import smallest_p
 from ..equivalence import WITHIN_MARGIN
-from ..indices import MOVEMENT_DURATION, index_names, leading_index
+from ..indices import index_names, leading_index
 from .assessment_tables import PRINTED_UNITS
 from .pointing import reason_words
 from .primary_change import ESTIMAND_WORDS, primary_change
@@ -187,7 +187,7 @@ def _limits(found: AssessmentResult, alpha: float) -> str:
     enough = [each for each in planned if each.participants is not None]
     if not enough:
         return "The number of participants needed cannot be estimated from fewer than three."
-    each = min(enough, key=lambda e: (e.index != MOVEMENT_DURATION.name, e.change))
+    each = min(enough, key=lambda e: (e.index != leading_index().name, e.change))
     return (
         f"The number of participants was sufficient to detect a change of {found.indices[each.index].words.lower()} by "
         f"{100 * each.change:g} % with a power of 80 %."
@@ -240,10 +240,13 @@ def _one_sided(found: AssessmentResult) -> list[Verdict]:
 def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
     """Return a verdict if another filter or rule reverses a result."""
     alpha = 1.0 - found.confidence
-    turned = []
+    turned, leading, steady = [], leading_index().name, ""
     for index in dict.fromkeys(s.index for s in found.sensitivity):
         p = {s.words: s.p_value for s in found.sensitivity if s.index == index and np.isfinite(s.p_value)}
         yes, no = ([rule_words(words) for words, q in p.items() if (q < alpha) == differs] for differs in (True, False))
+        if index == leading and len(p) > 1 and not (yes and no):
+            by_all = "significant with all" if yes else "not significant with any"
+            steady = f" {found.indices[index].words} is {by_all} of them."
         if yes and no:
             filters_text = f"significant only with {_listed(yes)}" if len(yes) <= len(no) else (
                 f"significant except with {_listed(no)}"
@@ -253,7 +256,7 @@ def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
         return []
     text = (
         "The result of the comparison depends on the filter or on the definition of the movements' end: "
-        f"{'; '.join(turned)}."
+        f"{'; '.join(turned)}.{steady}"
     )
     return [Verdict("warning", text, "Report the result by the rule that was stated before the data.")]
 
