@@ -13,7 +13,8 @@ from pellucid.people.study import assessment_answer
 from pellucid.people.study.assessment_result import Assessed, Sensitivity
 from pellucid.people.study.certified_rows import _why_undecided, deciding_end_point
 from pellucid.people.study.statements import _filter_verdicts
-from pellucid.study.answer import Answer, Step, unanswered_message
+from pellucid.study.answer import Answer, AnswerPart, Step, unanswered_message
+from pellucid.study.pages.page import Page, write_page
 
 
 def test_a_condition_of_which_nobody_can_say_gives_its_reason_alone(monkeypatch):
@@ -248,3 +249,12 @@ def test_the_headline_index_is_tried_by_other_rules_and_named():
     assert "mean duration (significant only with a low-pass of 6 Hz)" in verdict.text
     assert verdict.text.endswith("Median duration is not significant with any of them.")
     assert leading_index().tries_rules
+
+
+def test_a_condition_has_one_form_of_its_name_on_the_first_screen(tmp_path):
+    """"full accuracy: not transparent" stood above "full_accuracy: no"."""
+    parts = tuple(AnswerPart(name, "no", "x") for name in ("full_accuracy", "speed"))
+    page = Page("t", "k", answer=Answer("Is any?", "no", "full_accuracy: not transparent", parts=parts))
+    html = write_page(tmp_path, page).read_text(encoding="utf-8")
+    assert "full accuracy: <b>no" in html
+    assert "full_accuracy" not in html

@@ -68,8 +68,11 @@ MOVEMENTS_COST = 0.2
 PERSON_COST = 0.5
 """Cost of the indices of one person."""
 
-NEEDED_COST = 7.0
+NEEDED_COST = 1.0
 """Cost of simulating `DEFAULT_STUDIES` studies of the participants needed."""
+
+CERTIFICATE_COST = 3.0
+"""Cost of one condition's certificate, with the number of participants that it needs."""
 
 
 def assess(
@@ -138,6 +141,7 @@ def assess_recordings(
             "finding movements": MOVEMENTS_COST * len(participants),
             **costs,
             "participants needed": NEEDED_COST * studies / DEFAULT_STUDIES,
+            "certificates": CERTIFICATE_COST * (len(conditions) - 1) * bool(spec.margins),
         },
     )
     for person in participants:
@@ -215,6 +219,7 @@ def assess_recordings(
         measured=whole.movements,
     )
     notes = [fault.message for fault in faults] + delay_notes(delays) + _without_index(found, participants, conditions)
+    steps.begin("certificates")
     made = replace(made, certified=certify_conditions(made, spec, whole, order, curves, executor, registered))
     return _told(made, notes)
 

@@ -247,7 +247,7 @@ def _more_people_step(found: AssessmentResult, untold: Sequence[str]) -> Step:
         )
     if found.rig_file:
         return Step(f"{text}. Raise `count` in `[people]` of `{found.rig_file}`, then simulate again", "simulate")
-    return Step(f"{text}. {'Simulate' if found.is_simulated else 'Record'} more people, or change what varies most")
+    return Step(f"{text}. {'Simulate' if found.is_simulated else 'Record'} more people")
 
 
 def _needed_words(needed: int | None, count: int) -> str:
@@ -382,17 +382,19 @@ def _tested_changes_text(findings: AssessmentResult) -> str:
         parts.append((point.index.words, f"{each.condition} {{}}{shown}", ends, margin))
     people = f"{len(findings.participants)} people"
     level = _test_level(findings.certified[0].certificate)
-    against = f"against {findings.control}, {people}, with the {level} interval of the equivalence test"
     words, _, _, margin = parts[0]
-    if all((each[0], each[3]) == (words, margin) for each in parts):
-        told = ", ".join(f"{shown.format('')} ({ends})" for _, shown, ends, _ in parts)
-        text = f"{words} {against}: {told}; margin {margin}"
-    else:
-        told = "; ".join(
-            f"{shown.format(f'in {lowered(words)} ')} ({ends}; margin {margin})" for words, shown, ends, margin in parts
-        )
-        text = f"Deciding end points {against}: {told}"
-    return f"{text}.{_cut_text(findings)}"
+    is_one, is_same_margin = ({each[i] for each in parts} == {parts[0][i]} for i in (0, 3))
+    told = ", ".join(
+        shown.format("" if is_one else f"in {lowered(own)} ")
+        + (f" ({ends})" if is_same_margin else f" ({ends}, margin {limit})")
+        for own, shown, ends, limit in parts
+    )
+    against = f"{words} against" if is_one else "Against"
+    common = f"; margin {margin}" if is_same_margin else ""
+    return (
+        f"{against} {findings.control}, {people}, with the {level} interval of the equivalence test: {told}{common}."
+        f"{_cut_text(findings)}"
+    )
 
 
 def _cut_text(findings: AssessmentResult) -> str:

@@ -15,7 +15,7 @@ from ...study.drawing.drawing import Drawing, dots, key, line, tidy
 from ...study.drawing.style import FIGURE_WIDTH, colour
 from ...study.pages.forest import Estimate, forest_panel
 from ...study.pages.moving import MovingDrawing, Way, strokes
-from ...study.pages.quantities import MINUS_SIGN, unit_text
+from ...study.pages.quantities import MINUS_SIGN, name_words, unit_text
 from ...units import COORDINATES_BY_UNIT, Coordinate
 from ..certificate_text import change_figure
 from ..design_columns import DIRECTION_DOWN, DIRECTION_UP
@@ -186,7 +186,7 @@ def _panel(axis, each: Assessed, tone: Mapping[str, str]) -> None:
         dots(axis, np.full(len(values), float(x)), values, tone[condition], alpha=0.9, size=5.0)
     unit = unit_text(unit)
     tidy(axis, first=True, text=f"{table.index.short}" + (f" ({unit})" if unit else ""), ticks=5)
-    axis.set_xticks(at, [condition.replace("_", "_\n") for condition in table.conditions])
+    axis.set_xticks(at, [name_words(condition).replace(" ", "\n") for condition in table.conditions])
     axis.set_xlim(-0.6, len(at) - 0.4)
     axis.grid(visible=False, axis="x")
 
@@ -214,7 +214,7 @@ def changes_figure(
     roles = dict(zip((c for c in conditions if c != control), CONDITION_COLOUR_ROLES[1:], strict=False))
     estimates = [
         Estimate(
-            condition, change.value, change.low, change.high,
+            name_words(condition), change.value, change.low, change.high,
             roles.get(condition, CONDITION_COLOUR_ROLES[-1]),
             f"{'≥ ' if change.at_least else ''}{change_figure(change.value, change.unit)}".replace("-", MINUS_SIGN)
             if np.isfinite(change.value) else "",
@@ -285,7 +285,7 @@ def certificate_figure(certified: Sequence[Certified]) -> Drawing:
                   linestyle="-" if np.isfinite(own.interval[0]) else ":")  # fmt: skip
         axis.plot([middle], [at], marker="o", color=tone, markersize=5.0)
         places.append(at)
-        labels.append(f"{each.condition}: {each.end_points[name].index.short}")
+        labels.append(f"{name_words(each.condition)}: {each.end_points[name].index.short}")
     axis.set_xlim(-1.1 * reach, 1.1 * reach)
     axis.set_ylim(at - 0.8, 0.0)
     tidy(axis, first=True, text="")

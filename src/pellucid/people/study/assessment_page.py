@@ -16,7 +16,7 @@ from ..._printed_command import printed_command
 from ...study.drawing.drawing import Drawing, draw
 from ...study.pages.forest import Row, Table
 from ...study.pages.page import Page, Section, Tile, without_drawing, write_page
-from ...study.pages.quantities import number, typeset_cell, typeset_sentence, unit_text
+from ...study.pages.quantities import name_words, number, typeset_cell, typeset_sentence, unit_text
 from ...study.pages.values import Value
 from ...study.procedures.procedure import quiet
 from ...study.procedures.result import FigureTable
@@ -104,8 +104,8 @@ def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
             texts = {c: str(Value(rows[c], x, number(x, digits=3))) for c, x in shown.items()}
             unit = f"{unit_text(each.table.index.unit)}{index.tile.after_unit}"
         least = min(shown, key=lambda c: abs(shown[c]) if np.isfinite(shown[c]) else np.inf)
-        rest = ", ".join(f"{c} {text}" for c, text in texts.items() if c != least)
-        made.append(Tile(f"{index.tile.label}, {least}", texts[least], unit, rest))
+        rest = ", ".join(f"{name_words(c)} {text}" for c, text in texts.items() if c != least)
+        made.append(Tile(f"{index.tile.label}, {name_words(least)}", texts[least], unit, rest))
     return tuple(made)
 
 
@@ -266,7 +266,7 @@ def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) 
     return study_page(
         f"{found.study}: certificate",
         reviewed_answer(found),
-        [Tile(condition, verdict, "", _p_of_verdict(each.certificate))
+        [Tile(name_words(condition), verdict, "", _p_of_verdict(each.certificate))
          for each, (condition, verdict) in zip(found.certified, verdicts, strict=True)],
         [_result(found), _protocol(study, spec, found), _margins(spec, found), _assumptions(found),
          _other_analyses(found), _exclusions(spec, found),

@@ -20,7 +20,7 @@ from ..answer import REPORT_COMMAND, Answer, AnswerPart, begun
 from ..drawing.drawing import Drawing, set_height
 from ..drawing.style import SANS_SERIF_FONTS, css_variables
 from .forest import Table
-from .quantities import typeset_sentence
+from .quantities import name_words, typeset_sentence
 from .values import marked_up, plain_text
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def render(template: str, **content: object) -> str:
         lstrip_blocks=True,
         finalize=_finalize,
     )
+    environment.filters["name_words"] = name_words
     environment.filters["plain"] = plain_text
     environment.filters["commands"] = _commands
     look = {

@@ -243,6 +243,15 @@ def typeset_sentence(text: str) -> str:
     return text if own else capitalised(text)
 
 
+def name_words(name: str) -> str:
+    """Return a name of a study, such as a condition's, in words, as sentences of a page have it.
+
+    >>> name_words("force_sensor"), name_words("P3_speed_1")
+    ('force sensor', 'P3_speed_1')
+    """
+    return name if re.fullmatch(_COLUMN_PATTERN, name) else re.sub(r"(?<=[a-z])_(?=[a-z])", " ", name)
+
+
 def capitalised(text: str) -> str:
     """Return a text with a capital first letter; all others stay."""
     return text[:1].upper() + text[1:]
