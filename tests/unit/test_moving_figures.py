@@ -11,6 +11,7 @@ from pellucid.orthosis.study.coupling.coupling_page import PAGE_SETTINGS, mismat
 from pellucid.people.study.assessment_figures import FRAME_COUNT, _moving_limbs, tones
 from pellucid.people.study.assessment_result import Profile
 from pellucid.study.drawing.drawing import draw
+from pellucid.study.drawing.style import colour
 from pellucid.study.pages.moving import MovingDrawing
 
 TIME = np.arange(0.0, 20.0, 0.05)
@@ -58,6 +59,10 @@ def test_the_joint_turns_with_its_carriage_at_its_place(monkeypatch):
 
     class Fit(dict):
         gain = 2.0
+        evaluated_split = "heldout"
+
+        def evaluated(self, method):
+            return [SimpleNamespace(current=(1.0 - self[method]) * scale) for scale in (0.1, 0.2)]
 
     fit = Fit(load=0.9, pooled=0.7)
     fit.motions = motions
@@ -70,6 +75,10 @@ def test_the_joint_turns_with_its_carriage_at_its_place(monkeypatch):
     np.testing.assert_allclose(middle, 0.85 * 0.2 / 0.3, rtol=1e-9)
     assert "held out" in drawing.svg
     assert drawing.svg.count("<animate") == 3
+    # The models that the question compares have a column of errors each, under their names.
+    labels = drawing.figure.axes[2].get_xticklabels()
+    assert [label.get_text() for label in labels] == list(names)
+    assert [label.get_color() for label in labels] == [colour(roles[words]) for words in names]
 
 
 def test_a_limb_for_each_condition_moves_as_people_did_on_average():

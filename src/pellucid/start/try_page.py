@@ -12,7 +12,17 @@ from matplotlib.figure import Figure
 
 from ..models.estimates import Parameter
 from ..study.answer import WORN_TOGETHER
-from ..study.drawing.drawing import SHADED_GAPS_WORDS, Drawing, Head, draw, heads, key, line, shade_gaps, tidy
+from ..study.drawing.drawing import (
+    SHADED_GAPS_WORDS,
+    Drawing,
+    Head,
+    draw,
+    heads,
+    key,
+    measured_and_predicted,
+    shade_gaps,
+    tidy,
+)
 from ..study.drawing.style import FIGURE_WIDTH, colour
 from ..study.pages.forest import Row, Table, number_table
 from ..study.pages.page import Page, Section
@@ -202,13 +212,12 @@ def _efforts(joints: Sequence[TriedJoint]) -> Drawing:
         for begun in time[steps < 0.0]:
             axis.axvline(begun, color=colour("faint"), linewidth=0.9, zorder=1)
         several = several or bool((steps < 0.0).any())
-        line(axis, time, held.measured, color=colour("measured"), linewidth=1.2)
-        line(axis, time, held.predicted, color=colour("fitted"), linewidth=1.2, linestyle=(0, (4, 2)))
+        measured_and_predicted(axis, time, held.measured, held.predicted, colour("heldout"))
         axis.axhline(float(held.measured.mean()), color=colour("muted"), linewidth=0.9)
         tidy(axis, first=True, text=effort_label(held.unit), ticks=4)
-        heads([axis], [Head(joint.name, f"error {percent(held.error)} %", colour("fitted"))])
-    entries = [("measured", colour("measured")), ("predicted", colour("fitted")), ("mean", colour("muted"))]
-    key(axes[0], entries, room=0.2)
+        heads([axis], [Head(joint.name, f"error {percent(held.error)} %", colour("heldout"))])
+    entries = [("measured", colour("measured")), ("predicted (dashed)", colour("heldout")), ("mean", colour("muted"))]
+    key(axes[0], entries)
     axes[-1].set_xlabel("Time (s)")
     return Drawing(
         "held_out",

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from ..._errors import listed_names
 from ...models.kinematic_tree import Tree
 from ...study.drawing.drawing import Drawing, Head, dots, heads, key, line, tidy
 from ...study.drawing.style import FIGURE_WIDTH, colour
@@ -145,12 +146,12 @@ def efforts(trace: TreeTrace, names: Sequence[str], units: Sequence[str], errors
         predicted, difference = (
             np.where(shown, x, np.nan) for x in (trace.predicted[:, k], measured - trace.predicted[:, k])
         )
-        lines = ((measured, "measured", 2.4, 0.5), (predicted, "fitted", 1.1, 1.0), (difference, "heldout", 0.9, 1.0))
+        lines = ((measured, "measured", 2.4), (predicted, "fitted", 1.1), (difference, "heldout", 0.9))
         low, high = _worst(trace.time, difference)
         within = (trace.time >= low) & (trace.time <= high)
-        for values, role, width, alpha in lines:
-            line(left, trace.time, values, color=colour(role), linewidth=width, alpha=alpha)
-            line(right, trace.time[within], values[within], color=colour(role), linewidth=1.5 * width, alpha=alpha)
+        for values, role, width in lines:
+            line(left, trace.time, values, color=colour(role), linewidth=width)
+            line(right, trace.time[within], values[within], color=colour(role), linewidth=1.5 * width)
         left.axvspan(low, high, color=colour("panel"), zorder=0)
         for axis in (left, right):
             axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
@@ -160,7 +161,6 @@ def efforts(trace: TreeTrace, names: Sequence[str], units: Sequence[str], errors
     key(
         axes[0, 1],
         [(t, colour(r)) for t, r in (("measured", "measured"), ("predicted", "fitted"), ("difference", "heldout"))],
-        room=0.25,
     )
     axes[-1, 0].set_xlabel("Time (s)")
     axes[-1, 1].set_xlabel("Time (s), largest error")
@@ -198,10 +198,12 @@ def error_dots(
         known = values[:, k][np.isfinite(values[:, k])]
         if len(known):
             axis.plot((known.min(), known.max()), (k, k), color=colour("rule"), linewidth=2.0, zorder=1)
-    for (model, each), tall in zip(errors.items(), np.linspace(9.0, 5.5, len(errors)), strict=True):
+    # Each model has a height of its own within a row, so that no dot hides another.
+    heights = np.linspace(-0.36, 0.36, len(errors)) if len(errors) > 1 else np.zeros(1)
+    for (model, each), height in zip(errors.items(), heights, strict=True):
         axis.plot(
-            list(each), range(len(names)), color=colour(roles[model]), marker="o", markersize=tall, linestyle="none",
-            markeredgewidth=0.0, zorder=3,
+            list(each), np.arange(len(names)) + height, color=colour(roles[model]), marker="o", markersize=5.5,
+            linestyle="none", markeredgewidth=0.0, zorder=3,
         )  # fmt: skip
     axis.set_ylim(len(names) - 0.5, -0.6)
     axis.set_yticks(range(len(names)), [short(name) for name in names])
@@ -472,13 +474,30 @@ def arm(found: TreeResult, errors: Mapping[str, Sequence[float]], judged: str, n
     caption = (
         f"Left: the arm during {seconds:.3g} s of {trace.recording.replace('_', ' ')}, with links as lines, joints as "
         "circles and axes as short strokes. Faint: other postures; thin line: path of the end. Orange: the joint with "
-        f"the largest error. Right: effort error of each joint on {judged}, by model."
+        f"the largest error.{_meeting_joints(found.robot.tree, trace.position)} Right: effort error of each joint on "
+        f"{judged}, by model."
     )
     return MovingDrawing(name, figure, caption, ways=ways, seconds=seconds)
 
 
+def _meeting_joints(tree: Tree, position: np.ndarray) -> str:
+    """Return a caption's sentence that names the joints whose circles are at one place in all postures, or ""."""
+    moving = _moves(tree)
+    places = tree.core.placements(position)[..., 3][:, moving]
+    reach = max(float(np.ptp(places.reshape(-1, 3), axis=0).max()), 1e-9)
+    groups: list[list[int]] = []
+    for k in range(len(moving)):
+        met = [g for g in groups if np.abs(places[:, k] - places[:, g[0]]).max() <= MEETING_SHARE * reach]
+        (met[0] if met else groups.append([]) or groups[-1]).append(k)
+    shared = [listed_names([short(tree.moving[k].name) for k in g], len(g)) for g in groups if len(g) > 1]
+    return f" One circle stands for {'; one for '.join(shared)}." if shared else ""
+
+
+MEETING_SHARE = 0.01
+"""Joints whose centres stay within this share of the arm's extent share a circle."""
+
 MODEL_ROLES: Mapping[str, str] = {
-    "published": "muted", "stated": "symmetric", "base": "fitted", "best": "heldout", "consistent": "good",
+    "published": "muted", "stated": "load", "base": "fitted", "best": "heldout", "consistent": "good",
 }  # fmt: skip
 """Colour roles of the models."""
 

@@ -28,6 +28,7 @@ from ...study.drawing.drawing import (
     key,
     label_ends,
     line,
+    measured_and_predicted,
     one_panel,
     origin,
     shade_gaps,
@@ -646,7 +647,7 @@ def moving_joint(
     upright : float
         Angle at which the link hangs along gravity [rad].
     unit : str
-        Name of the effort and its unit, as the axis shows it.
+        Unit of the effort.
     error : Value
         Error of the prediction over all `parts` [%].
     use : str
@@ -665,25 +666,34 @@ def moving_joint(
     shown = (time >= start) & (time <= stop) | np.isnan(time)
     time, position, measured, predicted = (x[shown] for x in (time, position, measured, predicted))
     figure = Figure(figsize=(FIGURE_WIDTH, 3.1), layout="constrained")
-    stick, traces = figure.subplots(1, 2, width_ratios=(1.0, 2.6))
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 2.6), height_ratios=(2.2, 1.0))
+    stick, traces = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
+    errors = figure.add_subplot(grid[1, 1], sharex=traces)
     role = group[0].split
     half = group[0].half_width
-    bt, bp = broken(time, predicted)
-    if np.isfinite(half):
-        traces.fill_between(bt, bp - half, bp + half, color=colour(role), alpha=0.18, linewidth=0)
-    has_gaps = shade_gaps(traces, time)
-    line(traces, time, measured, color=colour("measured"), linewidth=2.4)
-    line(traces, time, predicted, color=colour(role), linewidth=1.5, linestyle=(0, (5, 1.6)))
-    tidy(traces, first=True, text=unit, ticks=5)
+    # Around the prediction an interval is often thinner than its line, so the error shows it on its own scale.
+    is_banded = bool(np.isfinite(half))
+    if is_banded:
+        errors.axhspan(-half, half, color=colour(role), alpha=0.18, linewidth=0)
+    has_gaps = any([shade_gaps(axis, time) for axis in (traces, errors)])
+    measured_and_predicted(traces, time, measured, predicted, colour(role))
+    line(errors, time, measured - predicted, color=colour(role), linewidth=1.1)
+    errors.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    tidy(traces, first=True, text=effort_label(unit), ticks=5)
+    tidy(errors, first=True, text=f"Error ({unit_text(unit)})", ticks=3)
+    traces.tick_params(axis="x", labelbottom=False)
     traces.set_xlim(start, stop)
-    traces.set_xlabel("Time (s)")
-    key(traces, [("measured", colour("measured")), ("predicted (dashed)", colour(role))], room=0.14)
+    errors.set_xlabel("Time (s)")
     heads([traces], [Head(group[0].recording, use, colour(role))])
+    key(traces, [("measured", colour("measured")), ("predicted (dashed)", colour(role))])
     known = np.isfinite(time) & np.isfinite(position)
     frames = np.linspace(start, stop, FRAME_COUNT)
     moved = np.interp(frames, time[known], position[known])
     ways = _turning(stick, moved - upright) if rotary else _sliding(stick, moved)
     ways["cursor"] = cursor(traces, frames)
+    caption += " Below: measured minus predicted" + (
+        ", and the 95 % prediction interval (band)." if is_banded else "."
+    )
     caption = f"{caption} {SHADED_GAPS_WORDS}" if has_gaps else caption
     return MovingDrawing(name, figure, caption, ways, float(stop - start))
 
@@ -740,7 +750,7 @@ def posture_figure(fit: GravityFit, judged: Sequence[Hold], unit: str) -> Drawin
     tidy(axis, first=True, text=effort_label(unit))
     axis.set_xlabel("Angle (deg)")
     names = [("weight", colour("fitted")), *((words, colour(role)) for words, holds, role in drawn if holds)]
-    key(axis, names, room=0.14)
+    key(axis, names)
     off = float(np.abs(fit.residual).max())
     return Drawing(
         "postures",
@@ -769,7 +779,7 @@ def spring_loop(trace: SpringTrace, unit: str, effort_label: str) -> Drawing:
     axis.set_xlabel(f"Deflection ({shown})")
     tidy(axis, first=True, text=effort_label)
     said = "held out" if trace.split == "heldout" else "fitted"
-    key(axis, [("measured", colour("measured")), (f"predicted (dashed), {said}", colour(trace.split))], room=0.12)
+    key(axis, [("measured", colour("measured")), (f"predicted (dashed), {said}", colour(trace.split))])
     return Drawing(
         "spring-loop",
         figure,

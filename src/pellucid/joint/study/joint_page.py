@@ -16,7 +16,6 @@ from ...study.pages.quantities import (
     METHODS,
     MODES,
     MOTION_READINGS,
-    effort_label,
     interval,
     number,
     parameter_interval,
@@ -145,9 +144,9 @@ def answer_figure(fit: JointResult) -> Drawing:
     sine, cosine = (best[n].value if n in best.model.names else 0.0 for n in ("gravity", "gravity_cosine"))
     return draw(
         moving_joint, parts, "answer", rotary=fit.motion == "rotary", upright=-float(np.arctan2(cosine, sine)),
-        unit=effort_label(fit.effort_unit), error=headline_error(fit) if held else own, use=use,
+        unit=fit.effort_unit, error=headline_error(fit) if held else own, use=use,
         caption=f"The joint as it was recorded ({use}; its length is not to scale), and its effort: measured, and "
-        "dashed as the model predicts it, with the 95 % prediction interval.",
+        "dashed as the model predicts it.",
     )  # fmt: skip
 
 

@@ -33,6 +33,9 @@ FRAME_COUNT = 48
 START_ANGLE_RAD = -0.5
 """Drawn direction of a limb when a movement starts [rad from horizontal]; profiles are relative to the start."""
 
+WIDEST_LIMB, NARROWEST_LIMB = 14.0, 3.5
+"""Drawn widths of the limb at the back and of the one in front, in points."""
+
 REST_S = 0.6
 """Time for which moving limbs rest before they move again [s]."""
 
@@ -69,7 +72,6 @@ def profile_figure(
         tidy(axis, first=True, text=text)
         axis.set_xlabel("Time from start (s)")
     key(axes[0], [(profile.condition, tone[profile.condition]) for profile in profiles])
-    axes[0].set_ylim(top=1.18 * axes[0].get_ylim()[1])
     return Drawing(
         "profiles",
         figure,
@@ -140,7 +142,6 @@ def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> D
         bottom.set_xlabel(f"Amplitude ({along.shown})")
         bottom.margins(x=0.04)
     shown = [c for c in conditions if any(each.condition == c for each in lines)]
-    axes[0, -1].set_ylim(top=1.1 * axes[0, -1].get_ylim()[1])
     key(axes[0, -1], [(c, tone[c]) for c in shown])
     slopes_text = "; ".join(
         f"{each.condition} {each.direction} {each.velocity_slope:.2f} 1/s, "
@@ -248,15 +249,26 @@ def _moving_limbs(axis: Axes, profiles: Sequence[Profile], tone: Mapping[str, st
     frames = np.linspace(0.0, lasting, FRAME_COUNT)
     axis.plot((-0.35, 0.0), (0.95, 0.0), color=colour("faint"), linewidth=13.0, solid_capstyle="round")
     ways = {}
+    widths = np.linspace(WIDEST_LIMB, NARROWEST_LIMB, len(profiles)) if len(profiles) > 1 else [NARROWEST_LIMB]
     for i, profile in enumerate(profiles):
         known = np.isfinite(profile.time) & np.isfinite(profile.angle)
         angle = START_ANGLE_RAD + np.interp(frames, profile.time[known], profile.angle[known])
-        # Limbs of equal length would hide each other.
+        # Limbs of equal length or width would hide each other.
         hand = (1.05 - 0.1 * i) * np.column_stack([np.cos(angle), np.sin(angle)])
         points = np.stack([np.zeros_like(hand), hand], axis=1)
-        strokes(axis, points[-1], f"limb-{i}", edgecolor=tone[profile.condition], linewidth=6.0, alpha=0.9, zorder=4)
+        style = {"edgecolor": tone[profile.condition], "linewidth": float(widths[i]), "zorder": 4.0 + 0.1 * i}
+        strokes(axis, points[-1], f"limb-{i}", **style)
         ways[f"limb-{i}"] = Way(axis, points)
     axis.plot([0.0], [0.0], "o", color=colour("ink"), markersize=7.0, zorder=6)
+    # The names stand where the limbs do not pass.
+    travel = max((float(each) for p in profiles for each in p.angle if np.isfinite(each)), key=abs, default=0.0)
+    for i, profile in enumerate(profiles):
+        at, shift = ((1.0, 0.0), 12.0 * (len(profiles) - 1 - i)) if travel >= 0.0 else ((1.0, 1.0), -12.0 * (i + 1))
+        axis.annotate(
+            profile.condition.replace("_", " "), at, xytext=(0.0, shift), xycoords="axes fraction",
+            textcoords="offset points", ha="right", va="bottom", fontsize=8.5, fontweight="bold",
+            color=tone[profile.condition],
+        )  # fmt: skip
     return ways, lasting + REST_S
 
 

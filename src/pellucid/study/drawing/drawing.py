@@ -23,7 +23,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
-from matplotlib.ticker import FuncFormatter, LogFormatter, MaxNLocator, NullFormatter
+from matplotlib.text import Annotation
+from matplotlib.ticker import FuncFormatter, LogFormatter, MaxNLocator, NullFormatter, ScalarFormatter
 
 from ..._atomic import write_bytes_atomically, write_text_atomically
 from .style import COLOURS, FIGURE_WIDTH, MATPLOTLIB_SETTINGS, SANS_SERIF_FONTS, colour
@@ -90,6 +91,9 @@ VALUE_GID_PREFIX = "value:"
 """Beginning of the gid of a text that shows a number of results.json; the rest is the id of its row."""
 
 _SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+MINUS = "\N{MINUS SIGN}"
+"""The sign that Matplotlib writes before negative numbers."""
 
 _LONG_NUMBER_PATTERN = re.compile(r"-?\d+\.\d{3,}")
 
@@ -173,6 +177,7 @@ def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
     with matplotlib.rc_context(dict(MATPLOTLIB_SETTINGS)):
         drawing = make(*args, **options)
         _name_powers_of_ten(drawing.figure)
+        _write_out_powers(drawing.figure)
         # Once, so that every later output has the same layout. None takes the engine away; "none" leaves a stand-in,
         # for which every output draws the figure twice.
         _lay_out(drawing.figure)
@@ -203,6 +208,28 @@ def _name_powers_of_ten(figure: Figure) -> None:
                 axis.set_major_formatter(FuncFormatter(lambda value, _: _plain_power(value)))
             if isinstance(axis.get_minor_formatter(), LogFormatter):
                 axis.set_minor_formatter(NullFormatter())
+
+
+class _WrittenOut(ScalarFormatter):
+    """Tick labels of very large or small numbers with their power of ten: 4×10⁹. Matplotlib writes it once, above the
+    axis, where it lies on the panel's head."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        text, _, exponent = f"{super().__call__(x, pos)}{super().get_offset()[1:]}".partition("e")
+        if not exponent or not x:
+            return text
+        return f"{text}×10{exponent.replace(MINUS, '-').translate(_SUPERSCRIPT_DIGITS)}"
+
+    def get_offset(self) -> str:
+        return ""
+
+
+def _write_out_powers(figure: Figure) -> None:
+    """Let linear axes with Matplotlib's own labels write powers of ten beside each number."""
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if type(axis.get_major_formatter()) is ScalarFormatter:
+                axis.set_major_formatter(_WrittenOut(useOffset=False))
 
 
 def _plain_power(value: float) -> str:
@@ -241,13 +268,23 @@ class Head:
     tone: str
 
 
+HEAD_CHARACTER_POINTS = (6.6, 5.3)
+"""Width of a character of a head's name and of its rest, in points."""
+
+KEY_CHARACTER_POINTS = 6.2
+"""Width of a character of a key, in points."""
+
+KEY_GAP_POINTS = 12.0
+"""Distance between two names of a key, in points."""
+
+LINE_POINTS_ABOVE = 13.0
+"""Distance between the lines of text above a panel, in points."""
+
+
 def heads(axes: Sequence[Axes], texts: Sequence[Head]) -> None:
     """Heads of a row of panels: on one line where every panel has room, else on two; a name too long is cut."""
-    ratios = np.array(axes[0].get_gridspec().get_width_ratios() or [1.0], float)
-    share = ratios[[a.get_subplotspec().colspan.start for a in axes]] / ratios.sum()
-    # What is left of the figure's width for panels, less the gaps; in points.
-    rooms = share * (72.0 * FIGURE_WIDTH - 70.0) - 14.0
-    name_width, rest_width = 6.6, 5.3  # points a character
+    rooms = [_room(axis) for axis in axes]
+    name_width, rest_width = HEAD_CHARACTER_POINTS
     one_line = all(
         name_width * len(t.name) + rest_width * len(t.rest) + 10.0 <= r for t, r in zip(texts, rooms, strict=True)
     )
@@ -268,23 +305,69 @@ def heads(axes: Sequence[Axes], texts: Sequence[Head]) -> None:
             text.rest, at, xytext=shift, xycoords=frame, textcoords="offset points", color=text.tone, fontsize=8.5,
             va="bottom",
         )  # fmt: skip
-        for artist in (head, rest):
+        for artist, width in ((head, name_width), (rest, rest_width)):
             artist.set_in_layout(False)
+            artist.set_label(f"{HEAD_LABEL}{width * len(artist.get_text())}")
 
 
-def key(axis: Axes, entries: Sequence[tuple[str, str]], *, room: float = 0.0) -> None:
-    """Names in their colours, in the panel's upper right corner: no boxes, no samples of lines."""
-    if room:
-        low, high = axis.get_ylim()
-        axis.set_ylim(low, high + room * (high - low))
-    shift = 0.0
-    for text, tone in reversed(entries):
-        axis.annotate(
-            text, (1.0, 1.0), xytext=(-4 - shift, -3), xycoords="axes fraction", textcoords="offset points",
-            ha="right", va="top", color=tone, fontsize=8.5, fontweight="bold", zorder=9,
-            bbox={"boxstyle": "square,pad=0.12", "facecolor": colour("paper"), "alpha": 0.8, "linewidth": 0},
-        )  # fmt: skip
-        shift += 6.2 * len(text) + 8
+HEAD_LABEL = "head:"
+"""Beginning of the label of a head's text; the rest is its width in points."""
+
+
+def _room(axis: Axes) -> float:
+    """Return the width of a panel, in points: its share of the figure's width, less the gaps."""
+    place = axis.get_subplotspec()
+    if place is None:
+        return 72.0 * FIGURE_WIDTH - 84.0
+    ratios = np.array(place.get_gridspec().get_width_ratios() or [1.0], float)
+    share = ratios[place.colspan.start : place.colspan.stop].sum() / ratios.sum()
+    return float(share * (72.0 * FIGURE_WIDTH - 70.0) - 14.0)
+
+
+def key(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
+    """Write names in their colours above a panel's right end, where they hide nothing and nothing crosses them: on the
+    line of its head if there is room, else on as many lines above it as they need. A panel's head comes first.
+    """
+    room = _room(axis)
+    rows: list[list[tuple[str, str]]] = [[]]
+    used = 0.0
+    for text, tone in entries:
+        width = KEY_CHARACTER_POINTS * len(text) + KEY_GAP_POINTS
+        if rows[-1] and used + width > room:
+            rows.append([])
+            used = 0.0
+        rows[-1].append((text, tone))
+        used += width
+    title = axis.get_title(loc="left")
+    written = sum(
+        float(each.get_label().removeprefix(HEAD_LABEL))
+        for each in axis.texts
+        if str(each.get_label()).startswith(HEAD_LABEL)
+    ) or HEAD_CHARACTER_POINTS[0] * len(title)
+    below = title.count("\n") + 1 if title else 0
+    if len(rows) == 1 and below == 1 and written + used + 2.0 * KEY_GAP_POINTS <= room:
+        below = 0
+    # A blank title keeps the height; the texts themselves must not widen the layout.
+    axis.set_title(" \n" * (below + len(rows) - 1) + " ", loc="right", fontsize=9.0, linespacing=1.45)
+    for line_above, row in enumerate(reversed(rows), start=below):
+        beside: Annotation | None = None
+        for text, tone in reversed(row):
+            beside = axis.annotate(
+                text, (1.0 if beside is None else 0.0, 1.0), xycoords=(beside or "axes fraction", "axes fraction"),
+                xytext=(0.0 if beside is None else -KEY_GAP_POINTS, 8.0 + LINE_POINTS_ABOVE * line_above),
+                textcoords="offset points", ha="right", va="baseline", color=tone, fontsize=8.5, fontweight="bold",
+                annotation_clip=False,
+            )  # fmt: skip
+            beside.set_in_layout(False)
+
+
+def measured_and_predicted(
+    axis: Axes, time: np.ndarray, measured: np.ndarray, predicted: np.ndarray, tone: str
+) -> None:
+    """Draw a prediction, dashed in `tone`, over a wider line of what was measured, so that both are seen where they
+    agree. `time`, `measured`, `predicted` (n,)."""
+    line(axis, time, measured, color=colour("measured"), linewidth=3.0)
+    line(axis, time, predicted, color=tone, linewidth=1.4, linestyle=(0, (4, 2)), dash_capstyle="butt")
 
 
 def origin(axis: Axes) -> None:

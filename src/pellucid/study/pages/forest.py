@@ -41,7 +41,10 @@ class Estimate:
 def forest_panel(
     axis: Axes, estimates: Sequence[Estimate], label: str, *, margin: tuple[float, float] | None = None
 ) -> None:
-    """Draw estimates on an axis, in their order from above; the `margin` is shaded."""
+    """Draw estimates on an axis, in their order from above; the `margin` is shaded.
+
+    Their numbers are in a column at the right, where no line crosses them.
+    """
     if margin is not None:
         axis.axvspan(*margin, color=colour("good"), alpha=0.12, linewidth=0.0, zorder=0)
     axis.axvline(0.0, color=colour("muted"), linewidth=0.9, zorder=1)
@@ -52,15 +55,16 @@ def forest_panel(
         axis.plot([one.value], [row], color=tone, marker="o", markersize=6.0, zorder=4)
         if one.text and isfinite(one.value):
             written = axis.annotate(
-                one.text.replace("-", MINUS_SIGN), (one.value, row), xytext=(0, 6), textcoords="offset points",
-                ha="center", va="bottom", fontsize=8.5, fontweight="bold", color=tone, zorder=5,
+                one.text.replace("-", MINUS_SIGN), (1.0, row), xycoords=("axes fraction", "data"), xytext=(6, 0),
+                textcoords="offset points", va="center", fontsize=8.5, fontweight="bold", color=tone,
+                annotation_clip=False,
             )  # fmt: skip
             if one.id:
                 written.set_gid(f"value:{one.id}")
     tidy(axis, first=True, text="")
     axis.set_yticks(range(len(estimates)), [one.words for one in estimates])
     axis.tick_params(axis="y", length=0, labelcolor=colour("ink"))
-    axis.set_ylim(len(estimates) - 0.4, -0.85)
+    axis.set_ylim(len(estimates) - 0.4, -0.6)
     axis.grid(visible=False, axis="y")
     axis.margins(x=0.06)
     axis.set_xlabel(label)

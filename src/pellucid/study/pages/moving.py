@@ -110,14 +110,10 @@ def over_time(
     axes = figure.subplots(len(panels), 1, squeeze=False)[:, 0]
     for axis, panel in zip(axes, panels, strict=True):
         for i, (label, values) in enumerate(panel.lines.items()):
-            width = {"linewidth": 2.6, "alpha": 0.55} if i == 0 else {"linewidth": 1.3}
-            line(axis, panel.time, values, color=colour(roles[label]), **width)
+            line(axis, panel.time, values, color=colour(roles[label]), linewidth=2.6 if i == 0 else 1.3)
         axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
         tidy(axis, first=True, text=panel.unit, ticks=5)
-        low, high = axis.get_ylim()
-        axis.set_ylim(low, high + 0.16 * (high - low))  # room for the key
-        key(axis, [(label, colour(roles[label])) for label in panel.lines])
-        axis.set_title(" ", fontsize=9.5)
         heads([axis], [Head(panel.head, panel.rest, colour("muted"))])
+        key(axis, [(label, colour(roles[label])) for label in panel.lines])
     axes[-1].set_xlabel("Time (s)")
     return Drawing(name, figure, caption)

@@ -47,13 +47,13 @@ def torque_and_activations(each: AssistedRecording, name: str, caption: str) -> 
     top = None
     for k, joint in reversed(list(enumerate(joints))):
         top = figure.add_subplot(grid[k, :], sharex=top)
-        line(top, time, each.torque[joint][part], color=colour("measured"), linewidth=2.2, alpha=0.6)
+        line(top, time, each.torque[joint][part], color=colour("measured"), linewidth=2.2)
         line(top, time, each.driven[joint][part], color=colour("fitted"), linewidth=1.2)
         line(top, time, each.followed[joint][part], color=colour("heldout"), linewidth=1.2)
         tidy(top, first=True, text="Torque (N·m)" if tops == 1 else f"{joint.replace('_', ' ').capitalize()} (N·m)")
         top.tick_params(labelbottom=False)
     names = (("measured", "measured"), ("EMG-driven", "fitted"), ("assisted: told it", "heldout"))
-    key(top, [(text, colour(tone)) for text, tone in names], room=0.15)
+    key(top, [(text, colour(tone)) for text, tone in names])
     for i, muscle in enumerate(each.muscles):
         axis = figure.add_subplot(grid[tops + i // 2, i % 2], sharex=top)
         line(axis, time, each.by_emg[i, part], color=colour("fitted"), linewidth=1.2)
@@ -104,7 +104,7 @@ def removed_electrodes(found: Sequence[FillingScore], fs: float, name: str, capt
         truth = next(iter(own.values())).recorded
         part = _drawn_stretch(len(truth), fs)
         time = np.arange(len(truth))[part] / fs
-        line(axis, time, truth[part], color=colour("measured"), linewidth=2.2, alpha=0.6)
+        line(axis, time, truth[part], color=colour("measured"), linewidth=2.2)
         for way, role in FILLING_METHOD_TONES.items():
             if way in own:
                 line(axis, time, own[way].filled[part], color=colour(role), linewidth=1.1)

@@ -85,7 +85,7 @@ def torque_trace(
     time = time - since
     figure = Figure(figsize=(FIGURE_WIDTH, 4.2), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
-    line(top, time[within], reference[within], color=colour("measured"), linewidth=2.2, alpha=0.6)
+    line(top, time[within], reference[within], color=colour("measured"), linewidth=2.2)
     for estimator, name_of_tone in shown.items():
         torque, tone, style = predicted[estimator], colour(name_of_tone), "--" if estimator == bare else "-"
         if half_width and estimator == chosen and estimator in half_width:
@@ -232,7 +232,7 @@ def joints_together(
     axes = figure.subplots(len(traces), 1, sharex=True, squeeze=False)[:, 0]
     for axis, trace in zip(axes, traces, strict=True):
         near = np.abs(trace.time - 0.5 * (trace.time[0] + trace.time[-1])) <= 0.5 * seconds
-        line(axis, trace.time[near], trace.reference[near], color=colour("measured"), linewidth=2.2, alpha=0.6)
+        line(axis, trace.time[near], trace.reference[near], color=colour("measured"), linewidth=2.2)
         for i, how in enumerate(words):
             made, tone = trace.predicted[how], colour(tones[how])
             if i == 0:
@@ -243,7 +243,7 @@ def joints_together(
             line(axis, trace.time[near], made[near], color=tone, linewidth=1.2)
         tidy(axis, first=True, text=f"{trace.what.capitalize()} (N·m)", ticks=4)
     axes[-1].set_xlabel("Time (s)")
-    key(axes[0], [("reference", colour("measured")), *((words[h], colour(tones[h])) for h in words)], room=0.12)
+    key(axes[0], [("reference", colour("measured")), *((words[h], colour(tones[h])) for h in words)])
     return Drawing(name, figure, caption)
 
 

@@ -26,9 +26,16 @@ def burst_traces(muscles: Sequence[MuscleBursts], name: str, caption: str) -> Dr
         line(axis, each.time, 1e3 * each.samples, color=colour("measured"), linewidth=0.6)
         for burst in each.bursts:
             axis.axvspan(burst.onset.time, burst.end.time, color=colour("fitted"), alpha=0.12, linewidth=0.0)
-            for point in (burst.onset, burst.end):
-                axis.axvspan(point.low, point.high, color=colour("heldout"), alpha=0.45, linewidth=0.0)
-                axis.axvline(point.time, color=colour("heldout"), linewidth=0.9)
+            for point, role, (bottom, top), marker in (
+                (burst.onset, "heldout", (0.5, 1.0), "v"), (burst.end, "load", (0.0, 0.5), "^")
+            ):  # fmt: skip
+                # Onsets take the upper half and ends the lower one, so that wide intervals hide neither.
+                axis.axvspan(point.low, point.high, bottom, top, color=colour(role), alpha=0.4, linewidth=0.0)
+                axis.axvline(point.time, bottom, top, color=colour(role), linewidth=1.2)
+                axis.plot(
+                    [point.time], [top if role == "heldout" else bottom], transform=axis.get_xaxis_transform(),
+                    marker=marker, markersize=6.0, markeredgewidth=0.0, color=colour(role), clip_on=False, zorder=5,
+                )  # fmt: skip
         low, _ = axis.get_ylim()
         axis.plot(each.rest, (low, low), color=colour("good"), linewidth=3.0, clip_on=False, solid_capstyle="butt")
         tidy(axis, first=True, text="EMG (mV)", ticks=3)
@@ -43,8 +50,8 @@ def page(study: Study, found: OnsetResult) -> Page:
     drawings = tuple(
         draw(
             burst_traces, [each for each in found.muscles if each.recording == name], f"bursts_{i}",
-            f"{name.replace('_', ' ')}: raw EMG. Blue: activity. Orange: onset and end with their "
-            f"{100 * found.confidence:g} % intervals. Green: the rest period used as reference.",
+            f"{name.replace('_', ' ')}: raw EMG. Blue: activity. Orange, above: onsets; violet, below: ends; each "
+            f"with its {100 * found.confidence:g} % interval. Green: the rest period used as reference.",
         )
         for i, name in enumerate(names[:MAX_DRAWN_RECORDINGS], start=1)
     )  # fmt: skip

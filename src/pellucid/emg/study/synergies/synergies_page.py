@@ -78,7 +78,7 @@ def reconstructed_envelopes(group: GroupSynergies, name: str, caption: str) -> D
         if i >= count:
             axis.set_axis_off()
             continue
-        line(axis, group.time, group.envelopes[:, i], color=colour("measured"), linewidth=2.0, alpha=0.6)
+        line(axis, group.time, group.envelopes[:, i], color=colour("measured"), linewidth=2.0)
         line(axis, group.time, made[:, i], color=colour("heldout"), linewidth=1.2)
         tidy(axis, first=True, ticks=3)
         axis.set_title(group.synergies.muscles[i].replace("_", " "))

@@ -117,7 +117,7 @@ def current_trace(
     line(bottom, time, np.degrees(velocity), color=colour("measured"), linewidth=1.1)
     tidy(bottom, first=True, text="Velocity (deg/s)", ticks=4)
     bottom.set_xlabel("Time (s)")
-    line(top, time, measured, color=colour("measured"), linewidth=1.8, alpha=0.75)
+    line(top, time, measured, color=colour("measured"), linewidth=1.8)
     for model, values in predictions.items():
         line(top, time, values, color=tones[model], linewidth=1.3)
     tidy(top, first=True, text="Motor current (A)")

@@ -5,16 +5,18 @@ One figure animates the recorded motion of joint and carriage, with the measured
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ....models.estimates import Parameter
 from ....models.friction_terms import COULOMB_FRICTION, LOAD_FRICTION, LOAD_GENERATING, LOAD_MOTORING, VISCOUS_FRICTION
 from ....models.joint import GRAVITY, PARAMETER_INDEX
 from ....models.slider_joint import BODY_UNITS
-from ....study.drawing.drawing import Drawing, Head, draw, heads, key, line, tidy
+from ....study.drawing.drawing import Drawing, Head, dots, draw, heads, key, line, tidy
 from ....study.drawing.style import FIGURE_WIDTH, colour
 from ....study.pages.forest import Row, Table, number_table
 from ....study.pages.moving import MovingDrawing, Way, cursor, strokes
@@ -42,17 +44,18 @@ FRAME_COUNT = 60
 MAX_SHOWN_S = 12.0
 """Longest stretch of a recording that moves [s]."""
 
-LINE_WIDTHS = (1.6, 1.1)
+LINE_WIDTHS = (1.6, 1.3, 1.1)
 """Line widths of the predictions, in their order."""
 
-DASH_PATTERNS = ((0, ()), (0, (4, 2)))
+DASH_PATTERNS = ((0, ()), (0, (4, 2)), (0, (1.5, 1.5)))
 """Dashes of the predictions, in their order."""
 
 
 def moving_slider(fit: SliderFit, methods: Mapping[str, str], roles: Mapping[str, str]) -> MovingDrawing:
-    """Draw the joint along the busiest seconds of a recording, with its measured and predicted current.
+    """Draw the joint along the busiest seconds of a recording, its measured and predicted current, and the errors that
+    the models are compared by, trial by trial.
 
-    `methods` are one or two names of methods by what they are called here, `roles` the colours' roles by the same.
+    `methods` are up to three names of methods by what they are called here, `roles` the colours' roles by the same.
     """
     held = [m for m in fit.motions if m.split == "heldout"] or list(fit.motions)
     motion = next((m for m in held if m.protocol == "constant_velocity"), held[0])
@@ -60,8 +63,8 @@ def moving_slider(fit: SliderFit, methods: Mapping[str, str], roles: Mapping[str
     start, stop = busiest(time, measured, share=min(1.0, MAX_SHOWN_S / max(float(np.ptp(time)), 1e-9)))
     shown = (time >= start) & (time <= stop)
     figure = Figure(figsize=(FIGURE_WIDTH, 3.1), layout="constrained")
-    arm, traces = figure.subplots(1, 2, width_ratios=(1.0, 2.6))
-    line(traces, time[shown], measured[shown], color=colour("measured"), linewidth=2.4, alpha=0.8)
+    arm, traces, errors = figure.subplots(1, 3, width_ratios=(0.7, 1.9, 1.15))
+    line(traces, time[shown], measured[shown], color=colour("measured"), linewidth=2.4)
     for (words, method), width, dashes in zip(methods.items(), LINE_WIDTHS, DASH_PATTERNS, strict=False):
         # No model predicts the current at rest, because friction may then have any value up to its level.
         values = np.where(motion.scored, predicted(fit[method], motion) / fit.gain, np.nan)
@@ -69,9 +72,10 @@ def moving_slider(fit: SliderFit, methods: Mapping[str, str], roles: Mapping[str
     tidy(traces, first=True, text="Current (A)", ticks=5)
     traces.set_xlim(start, stop)
     traces.set_xlabel("Time (s)")
-    key(traces, [("measured", colour("measured")), *((words, colour(roles[words])) for words in methods)], room=0.14)
     use = "held out" if motion.split == "heldout" else "fitted"
     heads([traces], [Head(motion.recording.replace("_", " "), use, colour(motion.split))])
+    key(traces, [("measured", colour("measured"))])
+    _error_columns(errors, {words: [e.current for e in fit.evaluated(m)] for words, m in methods.items()}, roles)
     frames = np.linspace(start, stop, FRAME_COUNT)
     angle = np.interp(frames, time, motion.position)
     arm.set_aspect("equal")
@@ -90,10 +94,36 @@ def moving_slider(fit: SliderFit, methods: Mapping[str, str], roles: Mapping[str
     arm.plot([0.0], [0.0], "o", color=colour("fitted"), markersize=12.0, zorder=6)
     ways = {"link": Way(arm, link), "carriage": Way(arm, carriage), "cursor": cursor(traces, frames)}
     caption = (
-        f"The joint as it was recorded, its carriage at {1e3 * motion.slider:.0f} mm (lengths are not to scale), and "
-        f"its current: measured, and as {' and '.join(methods)} predict it where the joint moves."
+        f"Left: the joint as it was recorded, its carriage at {1e3 * motion.slider:.0f} mm (lengths are not to scale). "
+        "Middle: its current, measured, and as each model predicts it where the joint moves, in the colours of the "
+        f"right panel. Right: mean absolute error of the current in each {evaluated_use(fit)} trial (dots) and over "
+        "them (bars)."
     )
     return MovingDrawing("answer", figure, caption, ways, float(stop - start))
+
+
+def _error_columns(axis: Axes, errors: Mapping[str, Sequence[float]], roles: Mapping[str, str]) -> None:
+    """Draw the errors [A] of each model in a column: a dot for each trial, and a bar and a number for their mean."""
+    for column, (words, values) in enumerate(errors.items()):
+        tone, known = colour(roles[words]), np.array([v for v in values if np.isfinite(v)])
+        dots(axis, column + np.linspace(-0.16, 0.16, len(known)), known, tone, alpha=0.8, size=4.0)
+        if len(known):
+            mean = float(known.mean())
+            axis.plot((column - 0.3, column + 0.3), (mean, mean), color=tone, linewidth=2.6, zorder=4)
+    axis.set_xlim(-0.6, len(errors) - 0.4)
+    highest = max((float(np.nanmax(v)) for v in errors.values() if len(v)), default=1.0)
+    axis.set_ylim(0.0, 1.08 * highest)
+    tidy(axis, first=True, text="Error (A)", ticks=5)
+    axis.set_xlim(-0.6, len(errors) - 0.4)
+    axis.set_xticks(range(len(errors)), [textwrap.fill(words, MAX_COLUMN_WORDS) for words in errors])
+    for text, words in zip(axis.get_xticklabels(), errors, strict=True):
+        text.set_color(colour(roles[words]))
+        text.set_fontweight("bold")
+    axis.grid(visible=False, axis="x")
+
+
+MAX_COLUMN_WORDS = 12
+"""Longest line of a column's name, in characters."""
 
 
 SHORT_METHOD_NAMES: Mapping[str, str] = {
@@ -119,6 +149,9 @@ COLOUR_ROLES: Mapping[str, str] = {
 
 COMPARED_METHODS = ("pooled", "dissociated", "consistent", "load")
 """Methods whose errors the headline and the figures compare."""
+
+FIRST_METHODS = ("load", "dissociated", "pooled")
+"""Methods that the question compares, in the page's first figure."""
 
 PROTOCOL_WORDS: Mapping[str, str] = {
     "constant_velocity": "constant",
@@ -162,7 +195,7 @@ def page(study: Study, result: SliderResult) -> Page:
         verdicts=fit.verdicts,
         tiles=slider_tiles(fit),
         sections=(*sections, _provenance(study, fit)),
-        figure=draw(moving_slider, fit, {SHORT_METHOD_NAMES[m]: m for m in ("load", "pooled")}, COLOUR_ROLES),
+        figure=draw(moving_slider, fit, {SHORT_METHOD_NAMES[m]: m for m in FIRST_METHODS}, COLOUR_ROLES),
     )
 
 
@@ -170,7 +203,7 @@ def slider_tiles(fit: SliderFit) -> tuple[Tile, ...]:
     """Errors of the three models that matter, and how many places the carriage had."""
     places = np.unique(np.round([m.slider for m in fit.motions], 3))
     tiles = []
-    for m in ("pooled", "dissociated", "load"):
+    for m in reversed(FIRST_METHODS):
         more = f"{len(fit[m].values)} parameters; {evaluated_use(fit)} trials"
         tiles.append(Tile(f"Error, {SHORT_METHOD_NAMES[m]}", str(error_value(fit, m)), "A", more))
     reach = f"{1e3 * places.min():.0f} to {1e3 * places.max():.0f} mm from the axis"

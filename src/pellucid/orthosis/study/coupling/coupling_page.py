@@ -36,7 +36,6 @@ class PageSettings:
     # Magnification of the drawn angle between leg and orthosis, which is often of a few degrees.
     mismatch_magnification: float = 2.0
     hold_dot_points: float = 5.0  # diameter of the dot of a hold, in points
-    legend_share: float = 0.14  # share of a panel's height that is kept free for the legend
 
 
 PAGE_SETTINGS = PageSettings()
@@ -54,7 +53,7 @@ def _label(axis: Axes, vertical: str, horizontal: str, entries: Sequence[tuple[s
     """Name both axes of a single panel, and its lines in a key: words and colour's role of each."""
     tidy(axis, first=True, text=vertical)
     axis.set_xlabel(horizontal)
-    key(axis, [(words, colour(role)) for words, role in entries], room=PAGE_SETTINGS.legend_share)
+    key(axis, [(words, colour(role)) for words, role in entries])
 
 
 def gravity_figure(fit: GravityFit) -> Drawing:
@@ -144,7 +143,7 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
     time = swing.time[shown]
     role = "heldout" if swing.split == "heldout" else "fitted"
     entries = [("IMU", "measured"), ("strap", role)]
-    line(axis, time, np.degrees(swing.seen[shown]), color=colour("measured"), linewidth=2.6, alpha=0.7)
+    line(axis, time, np.degrees(swing.seen[shown]), color=colour("measured"), linewidth=2.6)
     if "published" in swing.simulated:
         line(axis, time, np.degrees(swing.simulated["published"][shown]), color=colour("stribeck"), linewidth=1.1)
         entries.append(("as published", "stribeck"))

@@ -9,7 +9,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from ....study.drawing.drawing import Drawing, draw, key, line, one_panel, origin, tidy
+from ....study.drawing.drawing import (
+    Drawing,
+    Head,
+    draw,
+    heads,
+    key,
+    line,
+    measured_and_predicted,
+    one_panel,
+    origin,
+    tidy,
+)
 from ....study.drawing.style import FIGURE_WIDTH, colour
 from ....study.pages.forest import Row, Table
 from ....study.pages.page import Page, Section, Tile
@@ -29,7 +40,7 @@ CHANNEL_AXES: Mapping[str, tuple[str, float, str]] = {
 """How a channel's unit is shown: in words, shown units per SI unit, and their name."""
 
 
-def shown(unit: str, channel: str) -> tuple[str, float]:
+def shown_channel(unit: str, channel: str) -> tuple[str, float]:
     """An axis's label and what an SI value is multiplied by, for a `channel` in a `unit`."""
     words, scale, text = CHANNEL_AXES.get(unit, (channel.replace("_", " ").capitalize(), 1.0, unit))
     return f"{words} ({text})", scale
@@ -42,7 +53,7 @@ def response(found: Response, labels: Sequence[tuple[str, float]]) -> Drawing:
     figure = Figure(figsize=(FIGURE_WIDTH, 4.6), layout="constrained")
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(3.0, 1.3, 1.0))
     tone = colour("heldout" if heldout else "fitted")
-    line(top, time, output_scale * found.measured, color=colour("measured"), linewidth=2.4, alpha=0.55)
+    line(top, time, output_scale * found.measured, color=colour("measured"), linewidth=2.4)
     line(top, time, output_scale * found.simulated, color=tone)
     line(middle, time, output_scale * found.residual, color=tone)
     middle.axhline(0.0, color=colour("muted"), linewidth=0.8, zorder=1)
@@ -94,26 +105,59 @@ def frequency_response(
     key(top, entries)
     # The phase is arbitrary where the gain's uncertainty includes 0.
     sure = radius < size
-    angle = np.degrees(np.unwrap(np.angle(measured[sure])))
-    bottom.plot(frequency[sure], angle, color=tone, marker="o", markersize=3.5, linestyle="none", zorder=3)
+    angle = np.unwrap(np.angle(measured[sure]))
     if fitted is not None:
-        phase = np.degrees(np.unwrap(np.angle(fitted[1])))
-        near = np.median(np.interp(frequency[sure], fitted[0], phase) - angle) if sure.any() else 0.0
-        bottom.plot(fitted[0], phase - 360.0 * np.round(near / 360.0), color=colour("fitted"), zorder=4)
+        phase = np.unwrap(np.angle(fitted[1]))
+        bottom.plot(fitted[0], np.degrees(phase), color=colour("fitted"), zorder=4)
+        # Noise adds turns to a phase that is followed from one frequency to the next; the model has none.
+        angle = nearest_turn(angle, np.interp(frequency[sure], fitted[0], phase))
+    bottom.plot(frequency[sure], np.degrees(angle), color=tone, marker="o", markersize=3.5, linestyle="none", zorder=3)
     tidy(bottom, first=True, text="Phase (deg)", ticks=4)
     bottom.set_xlabel("Frequency (Hz)")
     return Drawing(name, figure, caption)
 
 
+def nearest_turn(angle: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Return `angle` with whole turns added, so that each is within half a turn of `expected`; both (n,) [rad]."""
+    return angle - 2.0 * np.pi * np.round((angle - expected) / (2.0 * np.pi))
+
+
+def answer_figure(found: TransferResult) -> Drawing:
+    """Draw the worst and the median response that answer: held out where there are any, else fitted."""
+    judged = found.heldout or {name: fit.responses[0] for name, fit in found.single.items()}
+    ranked = sorted(judged.items(), key=lambda each: each[1].fit)
+    shown = {"worst": ranked[0]}
+    if len(ranked) > 1:
+        shown["median"] = ranked[len(ranked) // 2]
+    label, scale = shown_channel(found.units[1], found.channels[1])
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.7 + 1.7 * len(shown)), layout="constrained")
+    axes = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
+    for axis, (rank, (name, each)) in zip(axes, shown.items(), strict=True):
+        tone = colour("heldout" if found.heldout else "fitted")
+        measured_and_predicted(axis, each.time, scale * each.measured, scale * each.simulated, tone)
+        tidy(axis, first=True, text=label, ticks=4)
+        rest = f"{rank} of {len(ranked)}: fit {number(each.fit, digits=3)} %" if len(ranked) > 1 else ""
+        rest = rest or f"fit {number(each.fit, digits=3)} %"
+        heads([axis], [Head(name.replace("_", " "), rest, tone)])
+    key(axes[0], [("measured", colour("measured")), ("simulated (dashed)", tone)])
+    axes[-1].set_xlabel("Time (s)")
+    which = "Worst and median response" if len(ranked) > 1 else "The response"
+    return Drawing(
+        "answer",
+        figure,
+        f"{which} on {'held-out' if found.heldout else 'fitted'} data: measured, and simulated by the transfer "
+        "function (dashed). A fit of 100 % meets every sample; 0 % is no better than the mean.",
+    )
+
+
 def _logarithmic(axis: Axes, text: str) -> None:
-    """Both scales, with numbers as they are said, and room for a key."""
+    """Both scales, with numbers as they are said."""
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.set_ylabel(text)
     axis.tick_params(which="both", length=3, width=0.7, pad=3)
     axis.margins(x=0.02)
     low, high = axis.get_ylim()
-    axis.set_ylim(low, high * (high / low) ** 0.12)
     axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=20))
     axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high < 30.0 * low else (1.0,), numticks=8))
     for each in (axis.xaxis, axis.yaxis):
@@ -237,6 +281,7 @@ def page(study: Study, found: TransferResult) -> Page:
             _coefficients(found),
             _provenance(study, found),
         ),
+        figure=draw(answer_figure, found),
     )
 
 
@@ -294,7 +339,7 @@ def _looks(found: TransferResult) -> Iterator[Section]:
     for look in (*periodic, *_evenly(others, MAX_DRAWN_FIRST_LOOKS)):
         drawings.append(_response_seen(found, look))
         if look.periodic:
-            drawings.append(draw(output_lines, look, shown(found.units[1], found.channels[1])))
+            drawings.append(draw(output_lines, look, shown_channel(found.units[1], found.channels[1])))
     text = (
         "A frequency response without a model, and the share of the output that no linear model explains. Only noise "
         "changes from period to period. Distortion changes from one realisation of random phases to the next, and "
@@ -331,7 +376,7 @@ def _response_seen(found: TransferResult, look: FirstLook) -> Drawing:
 
 
 def _responses(found: TransferResult) -> Section:
-    labels = tuple(shown(u, c) for u, c in zip(found.units, found.channels, strict=True))
+    labels = tuple(shown_channel(u, c) for u, c in zip(found.units, found.channels, strict=True))
     ranked = sorted((f.responses[0] for f in found.single.values()), key=lambda each: -each.fit)
     drawings = [draw(response, each, labels) for each in _evenly(ranked, MAX_DRAWN_RESPONSES)]
     drawings += [draw(response, each, labels) for n, each in found.heldout.items() if n not in found.single]
