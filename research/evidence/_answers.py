@@ -199,7 +199,7 @@ def _against_tests(found: AssessmentResult, answer: Answer) -> Iterator[str]:
     alpha = 1.0 - found.confidence
     for each in found.certified:
         own = each.certificate
-        if f"{each.condition.replace('_', ' ')}: {own.verdict}" not in answer.sentence:
+        if f"{each.condition}: {own.verdict}" not in answer.sentence:
             yield f"{each.condition} is not named"
         for name, point in own.end_points.items():
             low, high = point.interval

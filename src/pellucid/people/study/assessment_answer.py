@@ -16,8 +16,9 @@ from ..certificate_text import interval_with_unit, margin_text, p_statement
 from ..comparison import smallest_p
 from ..equivalence import BEYOND_MARGIN
 from ..indices import leading_index
-from ..power import CANDIDATE_SIZES, CERTIFICATE_SIZES, MIN_FORECAST_PEOPLE
+from ..power import CERTIFICATE_SIZES, MIN_FORECAST_PEOPLE
 from ..share_of_people import MIN_PEOPLE
+from .assessment_tables import people_words
 from .certified_rows import certificate_reasons, deciding_end_point, loss_remedy
 from .pointing import reason_words
 from .primary_change import PrimaryChange, primary_change
@@ -252,9 +253,7 @@ def _more_people_step(found: AssessmentResult, untold: Sequence[str]) -> Step:
 
 def _needed_words(needed: int | None, count: int) -> str:
     """Return a number of people by the power analysis; one that this study has is not enough."""
-    if needed is None:
-        return f"more than {CANDIDATE_SIZES[-1]}"
-    return f"about {needed}" if needed > count else f"more than {count}"
+    return f"more than {count}" if needed is not None and needed <= count else people_words(needed)
 
 
 def _margin_step(found: AssessmentResult) -> Step:

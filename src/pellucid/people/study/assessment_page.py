@@ -35,6 +35,7 @@ from .assessment_table import AssessmentTable
 from .certified_rows import TEST_ASSUMPTIONS, TEST_NAMES, certificate_remarks, certificate_sentences
 from .pointing import reason_words
 from .primary_change import ESTIMAND_WORDS, primary_change
+from .statements import lowered
 
 
 def page(study: Study, findings: AssessmentResult) -> Page:
@@ -183,6 +184,12 @@ def _needed(findings: AssessmentResult) -> Section:
         "with this study's standard deviation in the condition with the largest variation, which is itself uncertain "
         "with few participants."
     )
+    if findings.needed_as_seen:
+        seen = ", ".join(f"{name} {tables.people_words(n)}" for name, n in findings.needed_as_seen.items())
+        text += (
+            f" If the changes of {lowered(leading_index().words)} are as seen here, and people vary together over "
+            f"conditions as here, Nemenyi's test needs: {seen}."
+        )
     shown = tables.needed_table(findings), tables.effect_size_table(findings)
     return Section("assess_needed", "Participants needed", (text,), tuple(_table(each) for each in shown if each.rows))
 

@@ -70,6 +70,9 @@ def result_rows(found: AssessmentResult) -> tuple[ResultRow, ...]:
         rule = re.sub(r"[^a-z0-9]+", "_", s.words.replace(" Hz", "hz").replace("%", "percent").lower())
         change = 100.0 * s.change if np.isfinite(s.change) else None
         add(f"assess.sensitivity.{rule}.{s.index}.{s.condition.lower()}", change, "%", s.words)
+    for condition, people in found.needed_as_seen.items():
+        note = "Nemenyi's test, power 0.8, if the change is as seen" + ("" if people else "; more than were tried")
+        add(f"assess.needed_as_seen.{condition.lower()}", people, "1", note)
     for each in found.needed:
         note = f"signed ranks against control, power 0.8, d of pairs {each.effect:.3g}"
         note += "" if each.participants else "; more than were tried"
@@ -289,6 +292,11 @@ def effect_size_table(found: AssessmentResult) -> FigureTable:
     row = ("Participants", *(_people(each) for each in generic))
     heads = ("Cohen's d of pairs", *(f"{each.effect:g}" for each in generic))
     return FigureTable(title, heads, (row,) if generic else ())
+
+
+def people_words(needed: int | None) -> str:
+    """Return a number of participants needed in words."""
+    return f"more than {CANDIDATE_SIZES[-1]}" if needed is None else f"about {needed}"
 
 
 def _people(needed: Needed) -> str | int:
