@@ -186,6 +186,14 @@ def test_moments_are_judged_on_what_was_held_out(calibrated):
     assert "on the 2 held-out recordings" in found.headline
     ridge = [rows[f"leg.knee.ridge.r2{tail}"].value for tail in ("", ".rest")]
     assert all(f"(R² {r2:.3f})" in found.headline for r2 in ridge)
+    # What is exported is causal, and has figures of its own.
+    export = next(step for step in found.answer.next if step.name == "export")
+    assert export.command.endswith("--card emg_knee_ridge.json")
+    causal = [rows[f"leg.knee.ridge.causal.r2{tail}"].value for tail in ("", ".rest")]
+    assert all(f"R² {r2:.3f} on" in export.text or f"and {r2:.3f} on" in export.text for r2 in causal)
+    assert "which runs offline only" in export.text
+    # A recording with the name of a state is not read as one.
+    assert 'on recording "rest"' in found.headline
     assert "judged on" not in " ".join(v.text for v in found.verdicts)
     worth_tile, tile = page(study, found).tiles
     assert worth_tile.what == "Gain in R² from EMG"
@@ -324,6 +332,11 @@ def test_where_trials_are_left_out_the_others_choose():
     chosen = recommend_by_fold(trials, results, own)
     assert chosen.by == {"a": "hill", "b": "ridge", "c": "ridge"}
     assert chosen.judged[0].score.rmse == pytest.approx(2.0 / 3.0)
+    # RMSE and R² are put together in the same way, and the worst trial is named.
+    assert chosen.judged[0].score.r2 == pytest.approx(np.mean([s.r2 for s in chosen.judged[0].by_trial.values()]))
+    said = module._headline([chosen])
+    assert ", mean over 3 held-out trials, with" in said
+    assert "; the worst trial is " in said
     assert chosen.held == {"a": 1.0, "b": 1.0, "c": 1.0}
 
 

@@ -99,6 +99,20 @@ def test_an_answer_other_than_yes_has_its_reason_once(tmp_path, said, shown):
     assert not Page("t", "k", answer=replace(answer, verdict="yes")).unsaid_reason
 
 
+def test_every_part_shows_the_number_of_its_verdict_once(tmp_path):
+    """A second joint was "yes" without a number on the first screen."""
+    parts = (
+        AnswerPart("knee", "no", "11.5 N*m (R² 0.758), mean over 3 trials"),
+        AnswerPart("ankle", "yes", "6.8 N*m (R² 0.948); required 0.8"),
+        AnswerPart("hip", "cannot say", "no torque was recorded"),
+    )
+    answer = Answer("Is it so?", "no", "It is not.", "knee: 11.5 N*m (R² 0.758), mean over 3 trials", parts)
+    text = write_page(tmp_path, Page("t", "k", answer=answer)).read_text(encoding="utf-8").partition("<body>")[2]
+    assert "ankle: <b>yes</b>, 6.8 N·m (R² 0.948)</li>" in text
+    assert "hip: <b>cannot say</b></li>" in text
+    assert text.count("11.5 N·m") == 1
+
+
 def test_what_does_not_fit_is_folded(tmp_path):
     table = Table(("a",), tuple(Row((str(i),)) for i in range(60)))
     sections = tuple(Section(f"s{i}", f"Part {i}", tables=(table,)) for i in range(3))

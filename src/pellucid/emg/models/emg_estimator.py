@@ -321,6 +321,9 @@ class EstimatorFault:
     keeps_validity: bool = False  # whether the estimate is as good as the calibration in spite of it
 
 
+ESTIMATOR_KINDS = ("hill", "ridge")
+"""Kinds of estimators that can be exported; the first one is preferred."""
+
 ESTIMATOR_FAULTS: tuple[EstimatorFault, ...] = (
     EstimatorFault(_core.EMG_FAULTS[0], "no fault: valid as calibrated", keeps_validity=True),
     EstimatorFault("configuration", "the configuration is invalid: every torque is 0"),

@@ -30,7 +30,7 @@ from ...study.exporter import (
 from ...study.procedures.card_sources import require_fresh
 from ...study.procedures.registry import asked
 from ...study.study import Study
-from ..models.emg_estimator import ESTIMATOR_FAULTS, EmgEstimatorCard, read_estimator_card
+from ..models.emg_estimator import ESTIMATOR_FAULTS, ESTIMATOR_KINDS, EmgEstimatorCard, read_estimator_card
 from .emg_torque.emg_torque_table import EmgTorqueTable
 
 FOLDER_TITLE = "torque of joints from EMG"
@@ -41,10 +41,6 @@ MOTION_STEPS = 200
 
 FAULT_STEPS = 24
 """Number of steps of each stretch of the test vector with a fault."""
-
-ESTIMATOR_KINDS = ("hill", "ridge")
-"""Kinds of estimators that can be exported; the first one is preferred."""
-
 
 FIELD_KINDS = ("muscle", "emg_channel", "watched_channel", "watched_angle", "estimated_joint")
 """Parameter kinds of the core that become structs in C."""

@@ -78,6 +78,9 @@ MAX_OPEN_HEIGHT_PX = 2200.0
 MAX_LEAD_CHARACTERS = 270
 """Sentences of a headline stand on the first screen while they are no longer than this; the others follow below."""
 
+MAX_PART_CHARACTERS = 64
+"""Most characters of a number beside a part's verdict; a longer one stands in the tables."""
+
 MAX_SHOWN_PARTS = 8
 """Largest number of single verdicts that are shown with the answer; a table below has more."""
 
@@ -196,7 +199,8 @@ class Page:
         if self.answer is None or self.answer.verdict == "yes" or not self.answer.reason:
             return ""
         reason = typeset_sentence(begun(self.answer.reason))
-        is_said = _bare(reason).casefold() in _bare(self.lead).casefold()
+        said = [self.lead, *(f"{part.name}: {self.part_number(part)}" for part in self.shown_parts)]
+        is_said = any(_bare(reason).casefold() in _bare(text).casefold() for text in said)
         return "" if is_said else f"Reason: {_split_headline(reason)[0]}"
 
     @property
@@ -204,6 +208,11 @@ class Page:
         """Return the verdicts on single joints, conditions or claims, if there are several and not too many."""
         parts = () if self.answer is None else self.answer.parts
         return parts if 1 < len(parts) <= MAX_SHOWN_PARTS else ()
+
+    def part_number(self, part: AnswerPart) -> str:
+        """Return the number on which a part's verdict rests, as it stands beside it; "" where it takes a sentence."""
+        text = typeset_sentence(part.reason.partition("; ")[0].rstrip("."))
+        return text if len(plain_text(text)) <= MAX_PART_CHARACTERS and re.search(r"\d", text) else ""
 
     @property
     def following(self) -> tuple[str, ...]:

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from ...._domains import offered
-from ...._errors import IdentificationError
+from ...._errors import IdentificationError, listed_names
 from ...._processes import keep_helpers
 from ....models.estimates import Verdict
 from ....numerics.posterior.ensemble import require_sampler
 from ....study.answer import (
+    PAPER_STEP,
     Answer,
     AnswerNumber,
     AnswerPart,
@@ -41,6 +42,7 @@ from ...estimators.joint_stiffness import JointStiffness
 from ...estimators.torque_map import CrossValidated, MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
 from ...estimators.torque_regressor import smoothing_delay
 from ...estimators.torque_trial import TorqueTrial, group_pieces
+from ...models.emg_estimator import ESTIMATOR_KINDS
 from ..muscle_channels import mains_verdicts, study_chain
 from . import together as across_joints
 from . import torque_findings as findings
@@ -166,8 +168,7 @@ def _left_out_evaluations(
     for name, result in results.items():
         every, whole = {t: Score(s.rmse / unit, s.r2) for t, s in result.by_trial.items()}, result.score
         if kind != "steps":
-            # Trials have equal weight, however long they are.
-            whole = Score(float(np.mean([s.rmse for s in every.values()])), whole.r2)
+            whole = findings.mean_score(every.values())
         words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
         own.append(
             EstimatorEvaluation(
@@ -194,6 +195,9 @@ MAX_BRIEF_NAMED_ROWS = 6
 MIN_TORQUE_R2 = 0.8
 """Smallest R² on recordings that were not fitted for which torque counts as estimated: that of a sound joint model."""
 
+STEP_KIND = "steps"
+"""Kind of an evaluation whose errors are pooled over trials; those of other trials are means over them."""
+
 FORMULA_KIND = "normalised"
 """Kind of an evaluation whose reference is a formula in the angle, and no torque."""
 
@@ -219,6 +223,8 @@ class CalibrationResult(Result):
     muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated muscles, by joint or participant
     stiffness: tuple[JointStiffness, ...] = field(default=(), repr=False)  # Stiffness of each joint by its muscles
     together: TogetherFigureData | None = field(default=None, repr=False)  # Muscles of all joints calibrated at once
+    # Scores of the causal estimators that `export` writes, by the card's name and by held-out recording
+    live: Mapping[str, Mapping[str, Score]] = field(default_factory=dict, repr=False)
 
     def make_answer(self) -> Answer:
         """Return the answer that the result gives, before the study completes it."""
@@ -301,6 +307,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         traces=tuple(found.traces),
         muscles=findings.muscle_summaries(found),
         together=across_joints.together_figure_data(together),
+        live=found.live,
         stiffness=stiffness,
     )
 
@@ -310,7 +317,7 @@ def calibration_answer(result: CalibrationResult) -> Answer:
     joints, numbers = [], []
     for each in result.chosen:
         worst = each.judged[0]
-        where = _recording_words(worst) + (" at worst" if len(each.judged) > 1 else "")
+        where = _judged_on(each)
         verdict: AnswerVerdict = "yes" if worst.score.r2 >= MIN_TORQUE_R2 else "no"
         text = f"{_error_words(worst)}{where}"
         if worst.kind == FORMULA_KIND:
@@ -327,7 +334,7 @@ def calibration_answer(result: CalibrationResult) -> Answer:
     ]
     verdict = verdict_of_parts(joints)
     count = len(result.checksums)
-    more = () if all(part.verdict == "yes" for part in adds) else (LOADS_STEP,)
+    more = _worth_steps(result)
     return Answer(
         f"Is torque estimated on held-out recordings with R² of {MIN_TORQUE_R2:g} or more?",
         verdict,
@@ -336,18 +343,51 @@ def calibration_answer(result: CalibrationResult) -> Answer:
         (*joints, *adds),
         tuple(numbers),
         Basis(count, count, judged=_judged_words(result)),
-        next=steps_after(verdict, (EXPORT_STEP, *more), (*_improving(result, joints), *more)),
+        next=steps_after(verdict, (*_export_steps(result), *more), (*_improving(result, joints), *more)),
     )
 
 
-EXPORT_STEP = Step("Export the estimator to estimate torque in real time", "export")
-"""Next step with a torque that is estimated."""
-
-LOADS_STEP = Step(
+LOADS_TEXT = (
     "EMG adds to angles where torque does not follow from the motion: record other loads and speeds, and hold some of "
     'them out (`use = "validate"`)'
 )
 """Next step where EMG does not add to angles."""
+
+
+def _export_steps(result: CalibrationResult) -> tuple[Step, ...]:
+    """Return the exports of causal estimators with their own held-out figures; a paper where none can be exported.
+
+    The recommended estimator may see the future, and a robot cannot run it.
+    """
+    steps = []
+    for each in result.chosen:
+        names = [f"emg_{each.what}_{kind}" for kind in ESTIMATOR_KINDS]
+        name = next((name for name in names if name in result.live), None)
+        if name is None:
+            continue
+        scores = result.live[name]
+        figures = " and ".join(f'{s.r2:.3f} on recording "{_spoken(where)}"' for where, s in scores.items())
+        low = min(s.r2 for s in scores.values()) < MIN_TORQUE_R2
+        less = f", less than the {MIN_TORQUE_R2:g} asked" if low else ""
+        words = named_family(name.rpartition("_")[2]).description
+        steps.append(Step(
+            f"Export the causal estimator of {each.what} ({words}): R² {figures}{less}; "
+            f"{each.judged[0].score.r2:.3f} is of {each.brief}, which runs offline only",
+            "export", ("--card", f"{name}.json"),
+        ))  # fmt: skip
+    return tuple(steps[:MAX_IMPROVING_STEPS]) or (PAPER_STEP,)
+
+
+def _worth_steps(result: CalibrationResult) -> tuple[Step, ...]:
+    """Return what to do where EMG does not add to angles, or where nobody can say whether it does."""
+    answers: dict[str, set[str]] = {}
+    for each in result.worth:
+        answers.setdefault(each.what, set()).add(each.worth.answer)
+    if result.worth and all(own == {"worth it"} for own in answers.values()):
+        return ()
+    bare = [what for what, own in answers.items() if own == {"not worth it"}]
+    alone = f"Angles alone may do for {listed_names(bare)}: EMG adds nothing there. " if bare else ""
+    return (Step(alone + LOADS_TEXT),)
 
 
 def _improving(result: CalibrationResult, joints: Sequence[AnswerPart]) -> tuple[Step, ...]:
@@ -359,7 +399,9 @@ def _improving(result: CalibrationResult, joints: Sequence[AnswerPart]) -> tuple
         steps.append(Step("Record the torque itself in one recording or more: with a dynamometer or a force plate"))
     poor = [each for each, part in zip(result.chosen, joints, strict=True) if part.verdict == "no"]
     for each in poor[:MAX_IMPROVING_STEPS]:
-        where = f" of {each.judged[0].recording.replace('_', ' ')}" if each.judged[0].recording else ""
+        by_trial = each.judged[0].by_trial
+        name = each.judged[0].recording or max(by_trial, key=lambda t: by_trial[t].rmse, default="")
+        where = f" of {_spoken(name)}" if name else ""
         steps.append(Step(
             f"Record and fit more trials of {each.what} with the loads, speeds and angles{where}, where the error is "
             "largest"
@@ -689,7 +731,7 @@ def _headline(chosen: Sequence[RecommendedEstimator]) -> str:
     """Return the headline: errors of the recommended estimators and of angles alone, the worst recording first."""
     sentences = []
     if len(chosen) > 3:
-        words = " or ".join(dict.fromkeys(each.words for each in chosen))
+        words = " or ".join(dict.fromkeys(each.brief for each in chosen))
         worst = max(chosen, key=lambda each: each.judged[0].score.rmse)
         one = worst.judged[0]
         least = min(e.score.rmse for each in chosen for e in each.judged)
@@ -702,23 +744,29 @@ def _headline(chosen: Sequence[RecommendedEstimator]) -> str:
         chosen = ()
     for each in chosen:
         judged = [(_recording_words(e), _error_words(e)) for e in each.judged[:3]]
-        first = f"{judged[0][1]}{judged[0][0]}" + (" at worst" if len(each.judged) > 1 else "")
+        first = f"{judged[0][1]}{_judged_on(each)}"
         others = [f"{figure}{place}" for place, figure in judged[1:]]
         if len(each.judged) > 3:
             others = [f"{_error_words(each.judged[-1])} at best"]
         by_trial = each.judged[0].by_trial
         if by_trial:
             name = max(by_trial, key=lambda t: by_trial[t].rmse)
-            worst = f"{by_trial[name].rmse:.3g} {each.judged[0].unit} at worst ({name.replace('_', ' ')})"
-            first = f"{worst} and {first} over all held-out trials,"
+            own = f"{by_trial[name].rmse:.3g} {each.judged[0].unit} (R² {by_trial[name].r2:.3f})"
+            alone = each.bare[0].by_trial.get(name) if each.bare else None
+            beside = f"; angles alone there: {alone.rmse:.3g}" if alone is not None else ""
+            worst_words = f"; the worst trial is {_spoken(name)}, with {own}{beside}"
+        else:
+            worst_words = ""
         bare = " and ".join(f"{e.score.rmse:.3g}" for e in each.bare[:3])
         sentences.append(
-            f"{each.what}: RMS error {' and '.join([first, *others])} with {each.words}"
+            f"{each.what}: RMS error {' and '.join([first, *others])}, with {each.brief}"
             + (f" (angles alone, without EMG: {bare})" if bare else "")
+            + worst_words
         )
     recordings = {e.recording for each in chosen for e in each.judged} - {""}
     where = f", on the {len(recordings)} held-out recordings" if len(recordings) > 1 else ""
-    return "; ".join(sentences) + (where or ", on held-out data") + "."
+    is_said = any(each.by for each in chosen)
+    return "; ".join(sentences) + (where or ("" if is_said else ", on held-out data")) + "."
 
 
 def _error_words(judged: EstimatorEvaluation) -> str:
@@ -727,8 +775,21 @@ def _error_words(judged: EstimatorEvaluation) -> str:
 
 
 def _recording_words(judged: EstimatorEvaluation) -> str:
-    """Return the words that name the recording of an error."""
-    return f" on {judged.recording.replace('_', ' ')}" if judged.recording else ""
+    """Return the words that name the recording of an error; a name such as rest is not to be read as a state."""
+    return f' on recording "{_spoken(judged.recording)}"' if judged.recording else ""
+
+
+def _judged_on(each: RecommendedEstimator) -> str:
+    """Return the words that follow the first error of an estimator: its recording, or how trials are put together."""
+    worst = each.judged[0]
+    if worst.by_trial:
+        return f", {'pooled' if worst.kind == STEP_KIND else 'mean'} over {len(worst.by_trial)} held-out trials"
+    return _recording_words(worst) + (f", the worst of {len(each.judged)}" if len(each.judged) > 1 else "")
+
+
+def _spoken(name: str) -> str:
+    """Return the name of a recording or trial as a sentence has it."""
+    return name.replace("_", " ")
 
 
 def calibration_verdicts(

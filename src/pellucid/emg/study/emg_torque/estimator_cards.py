@@ -17,10 +17,17 @@ from ...._errors import PellucidError
 from ....models.card import CardParameter
 from ....models.parameter_card import ParameterCard
 from ....study.study import Study
+from ...estimators.cross_validation import Score, score
 from ...estimators.emg_session import add_channel_watch
 from ...estimators.hill import HillMap
 from ...estimators.torque_map import TorqueMap, fit_torque_map
-from ...estimators.torque_trial import CAUSAL_MOTION_LOWPASS_HZ, MOTION_LOWPASS_HZ, TorqueTrial, compute_features
+from ...estimators.torque_trial import (
+    CAUSAL_MOTION_LOWPASS_HZ,
+    MOTION_LOWPASS_HZ,
+    TorqueTrial,
+    compute_features,
+    group_pieces,
+)
 from ...models.emg_estimator import EmgEstimatorCard, EstimatorChannel, EstimatorJoint, EstimatorMuscle, EstimatorTerm
 from ...models.hill import MUSCLE_QUANTITIES
 from ...models.muscle import CalibratedMuscles
@@ -124,7 +131,8 @@ def estimator_cards(
     if asked is not None and any(stage.kind in ("advance", "rms") for stage in asked.stages):
         return cards
     for (joint, estimator), fit in list(found.causal.items()):
-        trials = [t for t in moment_trials(study, joint, causal=True) if not t.heldout]
+        every = moment_trials(study, joint, causal=True)
+        trials = [t for t in every if not t.heldout]
         if trials[0].unit != "N*m":
             continue
         if chain != "none":
@@ -137,6 +145,7 @@ def estimator_cards(
         else:
             card = map_estimator(study, name, fit, trials)
         left_out = fit.residual_sd if isinstance(fit, HillMap) else fit.choice.score.rmse
+        found.live[name] = _score_live(fit, [t for t in every if t.heldout])
         cards[name] = add_channel_watch(card, {joint: trials}, {joint: left_out})
     # With raw EMG, muscles over all joints were fitted to zero-phase envelopes. They then get no card.
     if together is not None and chain == "none":
@@ -146,6 +155,14 @@ def estimator_cards(
         left_out = {joint: found.rmse for joint, found in together.fit.choice.scores.items()}
         cards[name] = add_channel_watch(card, fitted, left_out)
     return cards
+
+
+def _score_live(fit: HillMap | TorqueMap, held: Sequence[TorqueTrial]) -> dict[str, Score]:
+    """Return the score of a causal map on each held-out recording, as the samples were recorded."""
+    return {
+        name: score(np.concatenate([t.torque for t in own]), np.concatenate([fit.predict(t) for t in own]))
+        for name, own in group_pieces(held).items()
+    }
 
 
 def muscle_estimator(

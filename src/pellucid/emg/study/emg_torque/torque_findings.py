@@ -16,7 +16,7 @@ Result rows of a calibration by their ids.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
@@ -171,23 +171,33 @@ class RecommendedEstimator:
         return [ConditionScore(t, name, own[t], bare.get(t), self.held.get(t)) for t, name in self.by.items()]
 
     @property
+    def brief(self) -> str:
+        """Description of the estimator in a sentence that has no room for weights."""
+        return self._describe(with_weights=False)
+
+    @property
     def words(self) -> str:
         """Description of the estimator, or of those chosen in all folds."""
+        return self._describe(with_weights=True)
+
+    def _describe(self, *, with_weights: bool) -> str:
         counts = Counter(self.estimators)
         if not self.by and len(counts) > 1:
             beyond = next(name for name in self.estimators if name != self.weights.name)
-            where = "recordings unlike the fitted ones"
-            return f"{self._weighted_words(self.weights.name)}, on {where} by {named_family(beyond).description}"
+            where = f"on recordings unlike the fitted ones by {named_family(beyond).description}"
+            return f"{self._weighted_words(self.weights.name, with_weights)}, {where}"
         if len(counts) == 1:
-            return self._weighted_words(self.estimators[0])
+            return self._weighted_words(self.estimators[0], with_weights)
         each = (f"{named_family(name).description} for {count}" for name, count in counts.most_common())
         return f"the estimator chosen in each fold ({', '.join(each)})"
 
-    def _weighted_words(self, name: str) -> str:
+    def _weighted_words(self, name: str, with_weights: bool) -> str:
         """Return the description of an estimator, with the weights of a weighted mean where these are one set."""
         words = named_family(name).description
-        if name != STACKED or self.weights is None:
+        if name != STACKED:
             return words
+        if self.weights is None or not with_weights:
+            return f"a {words}"
         parts = [
             f"{named_family(member).short or named_family(member).description} {100.0 * weight:.0f} %"
             for member, weight in self.weights.weights.items()
@@ -301,6 +311,12 @@ def recommend_by_fold(
     )
 
 
+def mean_score(scores: Iterable[Score]) -> Score:
+    """Return the mean RMSE and the mean R² of trials, which have equal weight, however long they are."""
+    every = tuple(scores)
+    return Score(float(np.mean([s.rmse for s in every])), float(np.mean([s.r2 for s in every])))
+
+
 def _predict_by_fold(
     groups: Sequence[str], trials: Sequence[TorqueTrial], results: Mapping[str, CrossValidated]
 ) -> dict[str, Recommendation]:
@@ -337,10 +353,10 @@ def _evaluate_folds(
         own = score(t.torque, made[t.name])
         by_trial[t.name] = Score(own.rmse * (reported / alone if alone > 0.0 else 1.0), own.r2)
     whole = score(np.concatenate([t.torque for t in trials]), np.concatenate([made[t.name] for t in trials]))
-    rmse = whole.rmse if alike.kind == "steps" else float(np.mean([s.rmse for s in by_trial.values()]))
+    total = whole if alike.kind == "steps" else mean_score(by_trial.values())
     tests = {group: combine_tests(_tests_of_fold(results, j), found[group]) for j, group in enumerate(groups)}
     one = replace(
-        alike, estimator=Counter(of.values()).most_common(1)[0][0], score=Score(rmse, whole.r2), by_trial=by_trial,
+        alike, estimator=Counter(of.values()).most_common(1)[0][0], score=total, by_trial=by_trial,
         choice=", ".join(f"{name} without {group}" for group, name in of.items()), examined=None,
     )  # fmt: skip
     return one, of, tests, made
@@ -357,6 +373,8 @@ class CalibrationFindings:
     across: dict[str, list[TorqueTrial]] = field(default_factory=dict)
     cards: dict = field(default_factory=dict)  # Cards by name
     causal: dict = field(default_factory=dict)  # Causal maps that can run live, by joint and estimator
+    # Scores of the causal maps that have a card, by the card's name and by held-out recording
+    live: dict[str, dict[str, Score]] = field(default_factory=dict)
     muscles: dict[str, HillMap] = field(default_factory=dict)  # Muscles fitted to all fitted trials, by joint or person
     shown: dict[str, TorqueTrial] = field(default_factory=dict)  # Trial with which these muscles are drawn
     stiffness_trials: dict[str, TorqueTrial] = field(default_factory=dict)  # Fitted trial of each stiffness
@@ -803,10 +821,15 @@ def worth_tables(worth: Sequence[RecordingWorth]) -> tuple[FigureTable, ...]:
     return (FigureTable("Gain from EMG over joint angles alone", heads, rows, MAX_BRIEF_WORTH_ROWS),)
 
 
+OVER_TRIALS_NOTE = "mean over held-out trials; "
+"""Beginning of the note on a mean over trials."""
+
 ROWS_OVER_TRIALS = {
     "steps": ("emg.{what}.rmse.{how}", "emg.{what}.r2.{how}", ""),
-    "normalised": ("{what}.{how}.rmse_normalised", "{what}.{how}.r2", "relative to the weight of the leg; "),
-    "trials": ("{what}.{how}.rmse", "{what}.{how}.r2", "mean over held-out trials; "),
+    "normalised": (
+        "{what}.{how}.rmse_normalised", "{what}.{how}.r2", f"relative to the weight of the leg; {OVER_TRIALS_NOTE}",
+    ),
+    "trials": ("{what}.{how}.rmse", "{what}.{how}.r2", OVER_TRIALS_NOTE),
 }
 """Ids of RMSE and R² of evaluations over all trials by their kind, and the beginning of the RMSE's note."""
 
@@ -831,7 +854,8 @@ def calibration_rows(
         if each.kind in ROWS_OVER_TRIALS:
             rmse, r2, words = (x.format(what=each.what, how=how) for x in ROWS_OVER_TRIALS[each.kind])
             yield row(rmse, each.score.rmse, unit, words + each.choice)
-            yield row(r2, each.score.r2, "1", each.choice)
+            aggregate = "" if each.kind == "steps" else OVER_TRIALS_NOTE
+            yield row(r2, each.score.r2, "1", aggregate + each.choice)
             continue
         base, tail = f"{each.what}.{how}", "" if each.recording == first else f".{each.recording}"
         for name, value, unit, note in _recording_numbers(each):
