@@ -177,7 +177,7 @@ def test_moments_are_judged_on_what_was_held_out(calibrated):
     assert [trace.recording for trace in found.traces] == ["judged", "rest"]
     # How well torque is estimated comes first, then whether EMG adds to angles.
     assert found.headline.startswith("knee: RMS error ")
-    assert " EMG improves on joint angles alone for knee on judged" in found.headline
+    assert ' EMG improves on joint angles alone for knee on recording "judged"' in found.headline
     assert found.answer.verdict == "yes"
     assert [part.verdict for part in found.answer.parts] == ["yes"] * 3
     assert {number.unit for number in found.answer.numbers} == {"N*m", "1"}

@@ -176,3 +176,17 @@ def test_the_data_of_a_robots_errors_are_counted(judged, names, said):
     """It said "numbers are of held-out recordings"."""
     traces = [SimpleNamespace(recording=name, use="validate") for name in names for _ in range(2)]
     assert tree_result._judged_words(SimpleNamespace(judged=judged, traces=traces, segments=13)) == said
+
+
+@pytest.mark.parametrize(
+    ("answers", "begins"),
+    [
+        ({"knee": "worth it"}, None),
+        ({"knee": "not worth it", "ankle": "worth it"}, "Angles alone may do for knee: EMG adds nothing there. "),
+        ({"knee": "cannot say"}, "EMG adds to angles where"),
+    ],
+)
+def test_angles_alone_are_named_where_emg_adds_nothing(answers, begins):
+    worth = [SimpleNamespace(what=what, worth=SimpleNamespace(answer=answer)) for what, answer in answers.items()]
+    steps = calibrate._worth_steps(SimpleNamespace(worth=worth))
+    assert [step.text.startswith(begins) for step in steps] == ([True] if begins else [])

@@ -55,6 +55,7 @@ from .together import TogetherFigureData
 from .torque_findings import (
     BASELINE_ESTIMATOR,
     CAUSAL_ESTIMATORS,
+    MAX_NAMED_GAINS,
     REPORTED_ESTIMATORS,
     CalibrationFindings,
     ConditionScore,
@@ -386,7 +387,7 @@ def _worth_steps(result: CalibrationResult) -> tuple[Step, ...]:
     if result.worth and all(own == {"worth it"} for own in answers.values()):
         return ()
     bare = [what for what, own in answers.items() if own == {"not worth it"}]
-    alone = f"Angles alone may do for {listed_names(bare)}: EMG adds nothing there. " if bare else ""
+    alone = f"Angles alone may do for {listed_names(bare, MAX_NAMED_GAINS)}: EMG adds nothing there. " if bare else ""
     return (Step(alone + LOADS_TEXT),)
 
 
@@ -784,7 +785,7 @@ def _judged_on(each: RecommendedEstimator) -> str:
     worst = each.judged[0]
     if worst.by_trial:
         return f", {'pooled' if worst.kind == STEP_KIND else 'mean'} over {len(worst.by_trial)} held-out trials"
-    return _recording_words(worst) + (f", the worst of {len(each.judged)}" if len(each.judged) > 1 else "")
+    return _recording_words(worst) + (f" (the worst of {len(each.judged)})" if len(each.judged) > 1 else "")
 
 
 def _spoken(name: str) -> str:

@@ -723,7 +723,8 @@ class RecordingWorth:
     @property
     def words(self) -> str:
         """Joint or participant, and the recording or the number of trials, in words."""
-        return f"{self.what}, {self.recording.replace('_', ' ') or f'{self.worth.blocks} trials'}"
+        of = f'recording "{self.recording.replace("_", " ")}"' if self.recording else f"{self.worth.blocks} trials"
+        return f"{self.what}, {of}"
 
 
 def find_worth(
@@ -787,7 +788,7 @@ def worth_sentence(worth: Sequence[RecordingWorth]) -> str:
         return ""
     by_answer: dict[str, list[str]] = {}
     for each in worth:
-        where = f" on {each.recording.replace('_', ' ')}" if each.recording else ""
+        where = f' on recording "{each.recording.replace("_", " ")}"' if each.recording else ""
         made = each.worth
         figure = f"{'' if by_answer else 'gain in '}R² {_signed(made.gain)}"
         if np.isfinite(made.low):
