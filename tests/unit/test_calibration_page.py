@@ -23,7 +23,7 @@ def test_a_band_that_may_not_hold_says_nothing_against_the_worth_of_emg():
     plain, doubted = (result(*verdicts).answer for verdicts in ((), (Verdict("warning", "", finding="bands"),)))
     assert plain == doubted
     (adds,) = plain.parts
-    assert (adds.name, adds.verdict) == ("EMG over angles alone, trunk, squat", "yes")
+    assert (adds.name, adds.verdict) == ('EMG over angles alone, trunk, recording "squat"', "yes")
     assert "gain in R² +0.25, 95 % interval +0.08 to +0.43" in adds.reason
 
 

@@ -25,13 +25,14 @@ def page(study: Study, found: IsolatedMuscleResult) -> Page:
     verdict_texts = tuple((v.kind, v.said) for v in found.verdicts)
     trial = next((t for t in found.fit.trials if t.use == "validate"), found.fit.trials[0])
     use = "held out" if trial.use == "validate" else "fitted"
+    known = "digitised" if study.config.digitised else "measured"
     traces = Traces(
         trial.name, f"{use}, amplitude {1e3 * trial.amplitude:g} mm", trial.time,
-        {"measured": trial.measured, "predicted": trial.predicted}, "Force (N)",
+        {known: trial.measured, "predicted": trial.predicted}, "Force (N)",
     )  # fmt: skip
     figure = draw(
-        over_time, [traces], "answer", roles={"measured": "measured", "predicted": "heldout"},
-        caption="Force over time at one amplitude of the imposed length: measured, and by Hill's model.",
+        over_time, [traces], "answer", roles={known: "measured", "predicted": "heldout"},
+        caption=f"Force over time at one amplitude of the imposed length: {known}, and by Hill's model.",
     )  # fmt: skip
     return Page(
         f"{study.name}: isolated muscle",
