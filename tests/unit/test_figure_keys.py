@@ -3,6 +3,7 @@
 
 import ast
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from matplotlib.figure import Figure
 
 import pellucid
 from pellucid.arm.study.tree_figures import MODEL_ROLES, error_dots
-from pellucid.orthosis.study.transfer_function.transfer_page import nearest_turn
+from pellucid.emg.study.onset.onset_page import burst_traces
+from pellucid.orthosis.study.transfer_function.transfer_page import answer_figure, nearest_turn
 from pellucid.study.drawing.drawing import Drawing, Head, draw, heads, key, measured_and_predicted, one_panel
 from pellucid.study.drawing.style import COLOURS, FIGURE_WIDTH, colour
 from pellucid.study.pages.forest import Estimate, forest_panel
@@ -122,3 +124,48 @@ def test_a_measured_phase_stays_within_half_a_turn_of_the_model():
     turns = 2.0 * np.pi * np.random.default_rng(1).integers(-4, 4, 200)
     found = nearest_turn(expected + noise + turns, expected)
     np.testing.assert_allclose(found, expected + noise, atol=1e-9)
+
+
+def response(fit):
+    time = np.linspace(0.0, 1.0, 50)
+    return SimpleNamespace(fit=fit, time=time, measured=np.sin(time), simulated=0.9 * np.sin(time))
+
+
+def test_the_answer_of_transfer_functions_shows_the_worst_and_the_median_response():
+    """The answer was No because of three recordings, and the figure showed one that fits by 93 %."""
+    held = {"first": response(93.0), "second": response(18.5), "third": response(84.8)}
+    found = SimpleNamespace(heldout=held, single={}, units=("N*m", "rad"), channels=("torque", "position"))
+    drawing = draw(answer_figure, found)
+    texts = [" ".join(text.get_text() for text in axis.texts) for axis in drawing.figure.axes]
+    assert "second" in texts[0]
+    assert "worst of 3: fit 18.5 %" in texts[0]
+    assert "third" in texts[1]
+    assert "median of 3: fit 84.8 %" in texts[1]
+    assert "held-out" in drawing.caption
+
+
+def test_a_single_response_is_not_ranked():
+    fits = {"only": SimpleNamespace(responses=[response(70.0)])}
+    found = SimpleNamespace(heldout={}, single=fits, units=("N*m", "rad"), channels=("torque", "position"))
+    drawing = draw(answer_figure, found)
+    assert len(drawing.figure.axes) == 1
+    assert "worst" not in drawing.svg
+    assert "fitted" in drawing.caption
+
+
+def test_onsets_and_ends_are_told_apart_by_place_shape_and_colour():
+    """Onset and end had one colour, and their intervals lay on each other."""
+
+    def point(at):
+        return SimpleNamespace(time=at, low=at - 0.1, high=at + 0.1)
+
+    time = np.linspace(0.0, 2.0, 200)
+    burst = SimpleNamespace(onset=point(0.5), end=point(0.65))
+    muscle = SimpleNamespace(
+        muscle="biceps", time=time, samples=1e-4 * np.sin(90.0 * time), bursts=[burst], rest=(0.0, 0.2)
+    )
+    axis = draw(burst_traces, [muscle], "bursts", "").figure.axes[0]
+    marks = [mark for mark in axis.lines if mark.get_marker() in {"v", "^"}]
+    assert len({mark.get_color() for mark in marks}) == len({mark.get_marker() for mark in marks}) == 2
+    whole, onset, end = sorted((box.get_y(), box.get_y() + box.get_height()) for box in axis.patches)
+    assert {whole, onset, end} == {(0.0, 0.5), (0.0, 1.0), (0.5, 1.0)}

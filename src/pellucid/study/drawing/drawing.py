@@ -367,7 +367,7 @@ def measured_and_predicted(
     """Draw a prediction, dashed in `tone`, over a wider line of what was measured, so that both are seen where they
     agree. `time`, `measured`, `predicted` (n,)."""
     line(axis, time, measured, color=colour("measured"), linewidth=3.0)
-    line(axis, time, predicted, color=tone, linewidth=1.4, linestyle=(0, (4, 2)), dash_capstyle="butt")
+    line(axis, time, predicted, color=tone, linewidth=1.5, linestyle=(0, (4, 2.5)), dash_capstyle="butt")
 
 
 def origin(axis: Axes) -> None:

@@ -27,7 +27,7 @@ def burst_traces(muscles: Sequence[MuscleBursts], name: str, caption: str) -> Dr
         for burst in each.bursts:
             axis.axvspan(burst.onset.time, burst.end.time, color=colour("fitted"), alpha=0.12, linewidth=0.0)
             for point, role, (bottom, top), marker in (
-                (burst.onset, "heldout", (0.5, 1.0), "v"), (burst.end, "load", (0.0, 0.5), "^")
+                (burst.onset, "heldout", (0.5, 1.0), "v"), (burst.end, "stribeck", (0.0, 0.5), "^")
             ):  # fmt: skip
                 # Onsets take the upper half and ends the lower one, so that wide intervals hide neither.
                 axis.axvspan(point.low, point.high, bottom, top, color=colour(role), alpha=0.4, linewidth=0.0)
@@ -50,8 +50,8 @@ def page(study: Study, found: OnsetResult) -> Page:
     drawings = tuple(
         draw(
             burst_traces, [each for each in found.muscles if each.recording == name], f"bursts_{i}",
-            f"{name.replace('_', ' ')}: raw EMG. Blue: activity. Orange, above: onsets; violet, below: ends; each "
-            f"with its {100 * found.confidence:g} % interval. Green: the rest period used as reference.",
+            f"{name.replace('_', ' ')}: raw EMG. Blue: activity. Triangles above: onsets; triangles below: ends; "
+            f"each with its {100 * found.confidence:g} % interval. Green: the rest period used as reference.",
         )
         for i, name in enumerate(names[:MAX_DRAWN_RECORDINGS], start=1)
     )  # fmt: skip
