@@ -289,6 +289,7 @@ def heads(axes: Sequence[Axes], texts: Sequence[Head]) -> None:
         name_width * len(t.name) + rest_width * len(t.rest) + 10.0 <= r for t, r in zip(texts, rooms, strict=True)
     )
     for axis, text, room in zip(axes, texts, rooms, strict=True):
+        assert not axis.get_title(loc="right")  # its key would stand on the head
         most = max(int(room / name_width), 6)
         name = text.name
         if not one_line and len(name) > most:

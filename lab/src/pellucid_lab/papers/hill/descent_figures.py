@@ -37,6 +37,7 @@ def paths(panels: Sequence[Paths], name: str, *, caption: str, columns: int = 2)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
+    heads(axes[: len(panels)], [Head(p.head, p.rest, colour("muted")) for p in panels])
     for i, (axis, panel) in enumerate(zip(axes, panels, strict=False)):
         entries = []
         for tone, (label, values) in zip(LINE_COLOUR_ROLES, panel.lines.items(), strict=False):
@@ -53,11 +54,9 @@ def paths(panels: Sequence[Paths], name: str, *, caption: str, columns: int = 2)
             axis.set_ylabel(panel.unit)
         else:
             tidy(axis, first=True, text=panel.unit)
-        axis.margins(x=0.01, y=0.18)
-        key(axis, entries)
         if i >= len(panels) - columns:
             axis.set_xlabel("Iteration")
-    heads(axes[: len(panels)], [Head(p.head, p.rest, colour("muted")) for p in panels])
+        key(axis, entries)
     return Drawing(name, figure, caption)
 
 

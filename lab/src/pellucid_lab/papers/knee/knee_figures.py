@@ -43,12 +43,13 @@ def hold_torques(panels: Sequence[HoldTorques], name: str, *, caption: str) -> D
         tidy(axis, first=True, text="Torque (N·m)" if axis is axes[0] else "")
         axis.set_xticks((0, 15, 30, 45, 60, 90))
         axis.set_xlabel("Angle (deg)")
-        key(axis, [("held", colour("measured")), ("sine", colour("fitted")), ("line", colour("heldout"))])
-        axis.set_ylim(min(0.0, float(panel.torque.min())) - 0.04 * panel.gravity, 1.28 * float(panel.torque.max()))
+        axis.set_ylim(min(0.0, float(panel.torque.min())) - 0.04 * panel.gravity, 1.08 * float(panel.torque.max()))
     beside = ["" if p.printed is None else f", thesis {p.printed:.4g}" for p in panels]
     heads(
         axes, [Head(p.head, f"{p.gravity:.4g} N·m{b}", colour("fitted")) for p, b in zip(panels, beside, strict=True)]
     )
+    for axis in axes:
+        key(axis, [("held", colour("measured")), ("sine", colour("fitted")), ("line", colour("heldout"))])
     return Drawing(name, figure, caption)
 
 

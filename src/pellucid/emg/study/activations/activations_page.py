@@ -109,7 +109,7 @@ def removed_electrodes(found: Sequence[FillingScore], fs: float, name: str, capt
             if way in own:
                 line(axis, time, own[way].filled[part], color=colour(role), linewidth=1.1)
         tidy(axis, first=True, ticks=3)
-        axis.set_ylim(0.0, 1.6 * float(np.max(truth[part])) + 1e-6)
+        axis.set_ylim(bottom=0.0)
         axis.set_title(channels[i].replace("_", " "))
     words = [("electrode", colour("measured")), *((w, colour(r)) for w, r in FILLING_METHOD_TONES.items())]
     key(axes[0, 1 if len(channels) > 1 else 0], words)

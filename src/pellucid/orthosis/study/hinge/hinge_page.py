@@ -33,8 +33,8 @@ def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     line(axis, time, np.degrees(found.angle[shown] - level), color=colour("heldout"), linewidth=1.2)
     tidy(axis, first=True, text="Angle (deg)")
     axis.set_xlabel("Time (s)")
-    key(axis, [("optics", colour("measured")), ("IMUs", colour("heldout"))])
     heads([axis], [Head(trial.name, f"{np.degrees(found.rms):.2f}° RMS", colour("heldout"))])
+    key(axis, [("optics", colour("measured")), ("IMUs", colour("heldout"))])
     return Drawing(
         name,
         figure,
@@ -58,8 +58,8 @@ def error_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     axis.set_ylim(-top, top)
     axis.axvline(score_from, color=colour("muted"), linewidth=0.8, linestyle=(0, (4, 3)))
     axis.set_xlabel("Time (s)")
-    key(axis, [(words[estimate], colour(role)) for estimate, role in tones.items()])
     heads([axis], [Head(trial.name, "error against the reference", colour("muted"))])
+    key(axis, [(words[estimate], colour(role)) for estimate, role in tones.items()])
     return Drawing(
         name,
         figure,
