@@ -225,7 +225,7 @@ class _WrittenOut(ScalarFormatter):
 
 
 def _write_out_powers(figure: Figure) -> None:
-    """Let linear axes with Matplotlib's own labels write powers of ten beside each number."""
+    """Let linear axes with Matplotlib's own labels write powers of ten with each number."""
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
             if type(axis.get_major_formatter()) is ScalarFormatter:
