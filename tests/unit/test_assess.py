@@ -125,6 +125,8 @@ def test_another_filter_is_told(whole):
 
 
 def test_participants_needed_grow_as_changes_shrink(whole):
+    assert set(whole.found.needed_as_seen) == {"FC", "PCFr", "CLPC"}
+    assert value(whole.found, "assess.needed_as_seen.pcfr") == whole.found.needed_as_seen["PCFr"]
     need = {each.change: each.participants for each in whole.found.needed if each.index == "duration"}
     assert need[0.05] > need[0.1] >= need[0.2] == 7  # fewer cannot pass a level divided by three
     generic = [each.participants for each in whole.found.needed if each.change is None]

@@ -5,12 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pellucid.people.certificate import LEFT_OUT_DOUBT
+from pellucid.people.certificate import LEFT_OUT_DOUBT, certificate
 from pellucid.people.comparison import compare_conditions
+from pellucid.people.equivalence import Margin
 from pellucid.people.indices import INDICES, leading_index
 from pellucid.people.movement_indices import IndexTable
 from pellucid.people.study import assessment_answer
 from pellucid.people.study.assessment_result import Assessed, Sensitivity
+from pellucid.people.study.certified import _people_needed_beyond
 from pellucid.people.study.certified_rows import _why_undecided, deciding_end_point
 from pellucid.people.study.statements import _filter_verdicts
 from pellucid.study.answer import Answer, AnswerPart, Step, unanswered_message
@@ -258,3 +260,16 @@ def test_a_condition_has_one_form_of_its_name_on_the_first_screen(tmp_path):
     html = write_page(tmp_path, page).read_text(encoding="utf-8")
     assert "full accuracy: <b>no" in html
     assert "full_accuracy" not in html
+
+
+def test_the_people_who_would_show_a_change_beyond_its_margin_are_counted():
+    """The step said "record more people" and not how many."""
+    rng = np.random.default_rng(4)
+    changes = {"duration": rng.normal(0.25, 0.18, 8), "vmax": rng.normal(0.0, 0.1, 8)}
+    margins = dict.fromkeys(changes, Margin.of_ratio(0.1))
+    found = certificate(changes, margins, estimand="pseudo-median")
+    assert found.verdict == "cannot say"
+    assert found.end_points["duration"].verdict == "beyond"
+    assert 10 <= _people_needed_beyond(found) <= 20
+    calm = certificate({name: 0.1 * values for name, values in changes.items()}, margins)
+    assert _people_needed_beyond(calm) is None
