@@ -105,12 +105,14 @@ def test_every_part_shows_the_number_of_its_verdict_once(tmp_path):
         AnswerPart("knee", "no", "11.5 N*m (R² 0.758), mean over 3 trials"),
         AnswerPart("ankle", "yes", "6.8 N*m (R² 0.948); required 0.8"),
         AnswerPart("hip", "cannot say", "no torque was recorded"),
+        AnswerPart("EMG", "no", "gain in R² +0.02, 95 % interval 0 to +0.04; required gain 0.05"),
     )
     answer = Answer("Is it so?", "no", "It is not.", "knee: 11.5 N*m (R² 0.758), mean over 3 trials", parts)
     text = write_page(tmp_path, Page("t", "k", answer=answer)).read_text(encoding="utf-8").partition("<body>")[2]
     text = text.replace("\N{NO-BREAK SPACE}", " ")
     assert "ankle: <b>yes</b>, 6.8 N·m (R² 0.948)</li>" in text
     assert "hip: <b>cannot say</b></li>" in text
+    assert "EMG: <b>no</b>, gain in R² +0.02, 95 % interval 0 to +0.04</li>" in text
     assert text.count("11.5 N·m") == 1
 
 

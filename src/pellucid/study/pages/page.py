@@ -211,7 +211,9 @@ class Page:
 
     def part_number(self, part: AnswerPart) -> str:
         """Return the number on which a part's verdict rests, as it stands beside it; "" where it takes a sentence."""
-        text = typeset_sentence(part.reason.partition("; ")[0].rstrip("."))
+        reason = part.reason.partition("; ")[0].rstrip(".")
+        text = typeset_sentence(reason)
+        text = text[:1].lower() + text[1:] if reason[:1].islower() else text
         return text if len(plain_text(text)) <= MAX_PART_CHARACTERS and re.search(r"\d", text) else ""
 
     @property

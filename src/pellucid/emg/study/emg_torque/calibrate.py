@@ -335,7 +335,7 @@ def calibration_answer(result: CalibrationResult) -> Answer:
     ]
     verdict = verdict_of_parts(joints)
     count = len(result.checksums)
-    more = _worth_steps(result)
+    more, exports = _worth_steps(result), _export_steps(result)
     return Answer(
         f"Is torque estimated on held-out recordings with R² of {MIN_TORQUE_R2:g} or more?",
         verdict,
@@ -344,7 +344,7 @@ def calibration_answer(result: CalibrationResult) -> Answer:
         (*joints, *adds),
         tuple(numbers),
         Basis(count, count, judged=_judged_words(result)),
-        next=steps_after(verdict, (*_export_steps(result), *more), (*_improving(result, joints), *more)),
+        next=steps_after(verdict, (*exports[:1], *more, *exports[1:]), (*_improving(result, joints), *more)),
     )
 
 
