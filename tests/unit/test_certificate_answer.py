@@ -146,8 +146,8 @@ def test_the_number_of_people_is_that_which_would_show_the_change_seen():
 
 def test_simulated_people_are_not_asked_to_be_recorded():
     step = assessment_answer._more_people_step(changed(), ["PCFr"])
-    assert step.text.endswith("Raise `count` in `[people]` of `lab/rig.toml`, then simulate again")
-    assert step.name == "simulate"
+    assert step.text.endswith("Raise `count` in `[people]` of `lab/rig.toml`, then simulate and assess again")
+    assert not step.command  # a terminal prints the command alone, which would make the same people again
     found = changed()
     found.rig_file = ""
     assert "Simulate more people" in assessment_answer._more_people_step(found, ["PCFr"]).text

@@ -278,9 +278,8 @@ def _headline(found: Predicted, index: PredictedIndex, share: str) -> str:
         told = " to ".join(map(str, ends))
         parts.append(f"{condition_words(law)} {Value(row, middle, number(middle, digits=3))} % ({told})")
     return (
-        f"Simulated studies whose own tests (Friedman's and Nemenyi's) show the change: {shown}; yes needs "
-        f"{100.0 * found.confidence:.0f} %. Change of {index.words} from no robot, with what {share} measure: "
-        f"{'; '.join(parts)}."
+        f"Friedman's and Nemenyi's tests show it in this share of simulated studies: {shown}; yes needs "
+        f"{100.0 * found.confidence:.0f} %. Change, and what {share} measure: {', '.join(parts)}."
     )
 
 

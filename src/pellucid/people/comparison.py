@@ -203,18 +203,25 @@ def tells_from_control(values: np.ndarray, control: int = 0, *, alpha: float = 0
     statistic = np.divide(far, spread, out=np.zeros_like(far), where=spread > 0.0)
     least = stats.studentized_range.isf(alpha, k, np.inf) / np.sqrt(2.0) * n * np.sqrt(k * (k + 1) / (6.0 * n))
     apart = np.abs(sums - sums[:, [control]]) > least
-    return apart & (statistic >= _critical_statistic(sums, statistic, n, alpha))[:, None]
+    return apart & (statistic >= _critical_statistic(n, k, alpha))[:, None]
 
 
-def _critical_statistic(sums: np.ndarray, statistic: np.ndarray, n: int, alpha: float) -> float:
-    """Return the smallest of Friedman's statistics, (studies,), that is significant; infinite if none is."""
+@lru_cache(maxsize=64)
+def _critical_statistic(n: int, k: int, alpha: float) -> float:
+    """Return the smallest of Friedman's statistics of n people and k conditions that is significant.
+
+    It is sought among those of orders by chance and those between them and the largest; infinite if none is.
+    """
+    rng = np.random.default_rng([REFERENCE_SEED, n, k])
+    sums = rng.permuted(np.tile(np.arange(1.0, k + 1.0), (REFERENCE_ORDER_COUNT, n, 1)), axis=2).sum(axis=1)
+    sums = np.vstack([np.unique(np.sort(sums, axis=1), axis=0), n * np.arange(1.0, k + 1.0)])
+    statistic = 12.0 / (n * k * (k + 1)) * np.sum((sums - 0.5 * n * (k + 1)) ** 2, axis=1)
     _, first = np.unique(statistic.round(9), return_index=True)
-    whole = [i for i in first if (sums[i] == sums[i].round()).all()]
-    low, high = 0, len(whole)
+    low, high = 0, len(first)
     while low < high:
         middle = (low + high) // 2
-        low, high = (low, middle) if _p_of_sums(sums[whole[middle]], n) < alpha else (middle + 1, high)
-    return float(statistic[whole[low]]) - 1e-9 if low < len(whole) else np.inf
+        low, high = (low, middle) if _p_of_sums(sums[first[middle]], n) < alpha else (middle + 1, high)
+    return float(statistic[first[low]]) - 1e-9 if low < len(first) else np.inf
 
 
 def _p_of_sums(sums: np.ndarray, n: int) -> float:
@@ -230,6 +237,9 @@ REFERENCE_STUDY_COUNT = 100_000
 
 REFERENCE_SEED = 29
 """Seed of the reference distributions."""
+
+REFERENCE_ORDER_COUNT = 20_000
+"""Number of studies without any difference among whose statistics the smallest significant one is sought."""
 
 MAX_REFERENCE_PEOPLE = 200
 """The distributions of this many people serve for more, too: they come closer to the normal one."""

@@ -247,7 +247,7 @@ def _more_people_step(found: AssessmentResult, untold: Sequence[str]) -> Step:
             f"{', '.join(numbers)}"
         )
     if found.rig_file:
-        return Step(f"{text}. Raise `count` in `[people]` of `{found.rig_file}`, then simulate again", "simulate")
+        return Step(f"{text}. Raise `count` in `[people]` of `{found.rig_file}`, then simulate and assess again")
     return Step(f"{text}. {'Simulate' if found.is_simulated else 'Record'} more people")
 
 
