@@ -11,7 +11,7 @@ Each check looks for one cause by an effect on the signal that a muscle does not
 - **mvc_artefact**: single short peaks far above all else, which would be mistaken for the muscle's maximum;
 - **normalised_per_trial**: a relative envelope whose largest value is exactly 1, its own maximum;
 - **exchanged**: two channels that fit each other's place in another recording of the same electrodes, not their own;
-- **envelope**: an envelope or rectified EMG beside channels of raw EMG;
+- **envelope**: an envelope or rectified EMG among channels of raw EMG;
 - **clock**: times with gaps;
 - **unit**: an amplitude that is impossible for EMG in the stated unit.
 """

@@ -79,7 +79,7 @@ MAX_LEAD_CHARACTERS = 270
 """Sentences of a headline stand on the first screen while they are no longer than this; the others follow below."""
 
 MAX_PART_CHARACTERS = 64
-"""Most characters of a number beside a part's verdict; a longer one stands in the tables."""
+"""Most characters of a number after a part's verdict; a longer one stands in the tables."""
 
 MAX_SHOWN_PARTS = 8
 """Largest number of single verdicts that are shown with the answer; a table below has more."""
@@ -210,7 +210,7 @@ class Page:
         return parts if 1 < len(parts) <= MAX_SHOWN_PARTS else ()
 
     def part_number(self, part: AnswerPart) -> str:
-        """Return the number on which a part's verdict rests, as it stands beside it; "" where it takes a sentence."""
+        """Return the number on which a part's verdict rests, to follow it; "" where it takes a sentence."""
         reason = part.reason.partition("; ")[0].rstrip(".")
         text = typeset_sentence(reason)
         text = text[:1].lower() + text[1:] if reason[:1].islower() else text
