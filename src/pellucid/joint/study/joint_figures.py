@@ -216,8 +216,7 @@ def effort(fit: JointResult, family: FamilyFit) -> Drawing:
             bt, bp = broken(*((t, p) if axis is zoom else every(LINE_POINTS, t, p)))
             axis.fill_between(bt, bp - half, bp + half, color=colour(first.split), alpha=0.2, linewidth=0)
             shade_gaps(axis, t)
-            line(axis, t, m, color=colour("measured"), linewidth=2.2 if axis is zoom else 1.2)
-            line(axis, t, p, color=colour(first.split), linewidth=1.1)
+            measured_and_predicted(axis, t, m, p, colour(first.split))
             axis.set_xlim(low, high)
         tidy(wide, first=True, text=effort_label(fit.effort_unit))
         tidy(zoom, first=False)
@@ -240,8 +239,9 @@ def effort(fit: JointResult, family: FamilyFit) -> Drawing:
     return Drawing(
         "effort",
         figure,
-        f"Effort measured (black; white on a dark page) and predicted by the {family.family} model (colour); the band "
-        "is the 95 % prediction interval. The error is the norm of the difference relative to the norm of the effort."
+        f"Effort measured (black; white on a dark page) and predicted by the {family.family} model (dashed, colour); "
+        "the band is the 95 % prediction interval. The error is the norm of the difference relative to the norm of "
+        "the effort."
         + (f" {SHADED_GAPS_WORDS}" if gaps else "")
         + _rest(left_out).replace("the table below", "the table of held-out errors"),
     )

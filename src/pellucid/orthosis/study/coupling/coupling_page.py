@@ -91,10 +91,10 @@ def response_figure(pendulum: Response, linear: Response) -> Drawing:
     ):
         line(axis, pendulum.time[shown] - start, np.degrees(values[shown]), color=colour(role), linewidth=width)
     entries = (("measured", "measured"), ("pendulum", "heldout"), ("two poles", "stribeck"))
-    _label(axis, "Angle (deg)", "Time (s)", entries)
     reached = "diverges" if pendulum.diverges else f"{pendulum.fit:.1f} %"
     rest = f"pendulum {reached}, two poles {linear.fit:.1f} %"
     heads([axis], [Head(pendulum.recording.replace("_", " "), rest, colour("heldout"))])
+    _label(axis, "Angle (deg)", "Time (s)", entries)
     return Drawing(
         "response",
         figure,
@@ -148,11 +148,11 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
         line(axis, time, np.degrees(swing.simulated["published"][shown]), color=colour("stribeck"), linewidth=1.1)
         entries.append(("as published", "stribeck"))
     line(axis, time, np.degrees(swing.simulated["orthosis"][shown]), color=colour(role), linewidth=1.4)
-    _label(axis, "Mismatch (deg)", "Time (s)", entries)
     rest = f"{swing.fit['orthosis']:.1f} % of the IMU's angle explained"
     if np.isfinite(swing.ceiling):
         rest += f"; {swing.ceiling:.1f} % possible with a perfect model"
     heads([axis], [Head(f"{who}, {swing.recording.replace('_', ' ')}", rest, colour(role))])
+    _label(axis, "Mismatch (deg)", "Time (s)", entries)
     frames = np.linspace(float(time[0]), float(time[-1]), PAGE_SETTINGS.frame_count)
     orthosis = np.zeros(len(time)) if swing.position is None else swing.position[shown]
     turned = np.interp(frames, time, orthosis), np.interp(frames, time, swing.seen[shown])
@@ -208,9 +208,9 @@ def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
     line(axis, np.degrees(span), strap.stiffness.value * pulled, color=colour("load"), linewidth=1.0)
     line(axis, np.degrees(span), strap.torque(span), color=colour("fitted"), linewidth=1.8)
     entries = (("IMU", "measured"), ("strap", "fitted"), ("its tangent", "load"), ("spring alone", "stribeck"))
-    _label(axis, "Torque (N·m)", "Mismatch (deg)", entries)
     stiffness = number(strap.stiffness.value, strap.stiffness.standard_error)
     heads([axis], [Head(who, f"{stiffness} N·m/rad", colour("load"))])
+    _label(axis, "Torque (N·m)", "Mismatch (deg)", entries)
     return Drawing(
         f"strap_{who}",
         figure,

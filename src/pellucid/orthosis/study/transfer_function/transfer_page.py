@@ -53,8 +53,7 @@ def response(found: Response, labels: Sequence[tuple[str, float]]) -> Drawing:
     figure = Figure(figsize=(FIGURE_WIDTH, 4.6), layout="constrained")
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(3.0, 1.3, 1.0))
     tone = colour("heldout" if heldout else "fitted")
-    line(top, time, output_scale * found.measured, color=colour("measured"), linewidth=2.4)
-    line(top, time, output_scale * found.simulated, color=tone)
+    measured_and_predicted(top, time, output_scale * found.measured, output_scale * found.simulated, tone)
     line(middle, time, output_scale * found.residual, color=tone)
     middle.axhline(0.0, color=colour("muted"), linewidth=0.8, zorder=1)
     line(bottom, time, input_scale * found.input, color=colour("muted"))
@@ -68,7 +67,7 @@ def response(found: Response, labels: Sequence[tuple[str, float]]) -> Drawing:
         f"response-{found.recording}".replace(".", "-"),
         figure,
         f"{found.recording.replace('_', ' ')}, {'held out' if heldout else 'fitted'}: measured "
-        f"(black; white on a dark page) and simulated, "
+        f"(black; white on a dark page) and simulated (dashed), "
         f"the simulation's error, and the input. Fit {number(found.fit, digits=3)} %.",
     )
 
@@ -103,23 +102,30 @@ def frequency_response(
         entries.append((words, colour(role)))
     _logarithmic(top, f"Gain ({unit})")
     key(top, entries)
-    # The phase is arbitrary where the gain's uncertainty includes 0.
-    sure = radius < size
-    angle = np.unwrap(np.angle(measured[sure]))
+    sure, angle = followed_phase(measured, radius)
     if fitted is not None:
         phase = np.unwrap(np.angle(fitted[1]))
         bottom.plot(fitted[0], np.degrees(phase), color=colour("fitted"), zorder=4)
-        # Noise adds turns to a phase that is followed from one frequency to the next; the model has none.
-        angle = nearest_turn(angle, np.interp(frequency[sure], fitted[0], phase))
+        apart = np.median(angle - np.interp(frequency[sure], fitted[0], phase)) if sure.any() else 0.0
+        angle = angle - 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
     bottom.plot(frequency[sure], np.degrees(angle), color=tone, marker="o", markersize=3.5, linestyle="none", zorder=3)
     tidy(bottom, first=True, text="Phase (deg)", ticks=4)
     bottom.set_xlabel("Frequency (Hz)")
     return Drawing(name, figure, caption)
 
 
-def nearest_turn(angle: np.ndarray, expected: np.ndarray) -> np.ndarray:
-    """Return `angle` with whole turns added, so that each is within half a turn of `expected`; both (n,) [rad]."""
-    return angle - 2.0 * np.pi * np.round((angle - expected) / (2.0 * np.pi))
+MAX_PHASE_HALF_WIDTH_RAD = np.pi / 6.0
+"""A phase is drawn where the interval of the response leaves it at most so uncertain [rad]: noise adds turns to the
+others, and to all that follow them."""
+
+
+def followed_phase(measured: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the phase of a response is certain enough, and the phase there [rad], followed without jumps.
+
+    `measured` (k,) complex; `radius` (k,) of the disks around it.
+    """
+    sure = radius < np.sin(MAX_PHASE_HALF_WIDTH_RAD) * np.abs(measured)
+    return sure, np.unwrap(np.angle(measured[sure]))
 
 
 def answer_figure(found: TransferResult) -> Drawing:
@@ -371,7 +377,8 @@ def _response_seen(found: TransferResult, look: FirstLook) -> Drawing:
         frequency_response, seen.frequency, seen.response, seen.radius(found.confidence), levels, fitted,
         unit_text(ratio(found.units)), f"before-{look.name}".replace(".", "-"),
         caption=f"{look.name.replace('_', ' ')}: response as measured, with its {level} interval{over}; {words}, as "
-        "errors of the response.",
+        "errors of the response. Phases that are uncertain by more than "
+        f"{np.degrees(MAX_PHASE_HALF_WIDTH_RAD):.0f}° are not drawn.",
     )  # fmt: skip
 
 
