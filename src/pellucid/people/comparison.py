@@ -191,7 +191,7 @@ def tells_from_control(values: np.ndarray, control: int = 0, *, alpha: float = 0
     """Return whether Friedman's and Nemenyi's tests of each study tell each condition from control, (studies, k).
 
     `values`, (studies, n, k), are participants' values; `control` is its column. The limit of Friedman's statistic is
-    that of values without ties. With one participant nothing is told.
+    that of values without ties. With one participant no condition differs.
     """
     studies, n, k = values.shape
     if n < 2 or k < 2 or not studies:

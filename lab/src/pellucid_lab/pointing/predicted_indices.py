@@ -88,7 +88,7 @@ PREDICTED_INDICES: tuple[PredictedIndex, ...] = (
 PREDICTED_INDICES_BY_NAME = {index.name: index for index in PREDICTED_INDICES}
 
 LEADING_PREDICTED_INDEX = PREDICTED_INDICES_BY_NAME[leading_index().name]
-"""The predicted index that an assessment of the study judges first."""
+"""The predicted index that an assessment of the study tests first."""
 
 
 def change(index: str, worn: np.ndarray, control: np.ndarray) -> np.ndarray:
