@@ -12,7 +12,7 @@ from made_arm import COULOMB, LOAD, VISCOUS, arm_study
 import pellucid as pl
 from pellucid.arm.study import tree_findings, tree_page
 from pellucid.arm.study.tree_result import MODEL_DESCRIPTIONS, in_drive_units
-from pellucid.models.estimates import Parameter
+from pellucid.models.estimates import Parameter, Verdict
 from pellucid.models.tree_card import read_tree_card
 from pellucid.study.cause_words import cause_sentence
 from pellucid.study.procedures.compare import compare
@@ -145,6 +145,10 @@ def test_each_joint_has_an_answer_in_every_output(study, found):
     (table,) = (t for t in found.tables if t.title.startswith("Prediction of each joint"))
     assert table.rows[0][:2] == ("shoulder", "yes")
     assert "effort error" in table.rows[0][2]
+    weak = Verdict("warning", "3 are not identifiable.", "Record faster motion.", finding="weak_numbers")
+    record, export = replace(found, verdicts=(weak,)).make_answer().next
+    assert record.text == "Before a controller is used, record faster motion (3 are not identifiable)"
+    assert export.name == "export"
     resting = replace(found, traces=tuple(replace(t, moving=t.moving * [1, 0]) for t in found.traces))
     assert resting.joint_answers[1].verdict == "cannot say"
     assert "in only " in resting.joint_answers[1].reason

@@ -24,7 +24,7 @@ from ...numerics.motion import Filtering
 from ...study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts
 from ...study.cause_words import cause_sentence
 from ...study.pages.quantities import percent
-from ...study.procedures.findings import MAX_GOOD_ERROR, MAX_IMPROVING_STEPS
+from ...study.procedures.findings import MAX_GOOD_ERROR, MAX_IMPROVING_STEPS, steps_before_use
 from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTable, Result
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
@@ -298,6 +298,10 @@ def complete_result(study: Study, found: TreeResult) -> TreeResult:
     )
 
 
+UNIDENTIFIED_FINDINGS = ("hardly_moved", "unknown_gain", "weak_numbers")
+"""Findings that a parameter is not known well enough for a controller."""
+
+
 def tree_answer(found: TreeResult) -> Answer:
     """Return whether the model predicts the effort of each joint where it was not fitted."""
     parts, judged = found.joint_answers, ROW_KIND_DESCRIPTIONS[found.judged]
@@ -318,7 +322,7 @@ def tree_answer(found: TreeResult) -> Answer:
         numbers,
         Basis(recordings, recordings, judged=_judged_words(found)),
         improve=_improving(found, parts),
-        next=(Step("Export a controller", "export"),),
+        next=(*steps_before_use(found.verdicts, UNIDENTIFIED_FINDINGS), Step("Export a controller", "export")),
         is_relative=True,
     )
 

@@ -7,11 +7,17 @@ from typing import Protocol
 
 import numpy as np
 
-from ...models.estimates import Verdict, rank_verdicts
+from ...models.estimates import Verdict
 from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Basis, Step, steps_after
 from ...study.pages.quantities import EFFORT_NAMES, number, percent
 from ...study.pages.values import Value
-from ...study.procedures.findings import MAX_GOOD_ERROR, MAX_IMPROVING_STEPS, SOUND_R2, improving_steps
+from ...study.procedures.findings import (
+    MAX_GOOD_ERROR,
+    MAX_IMPROVING_STEPS,
+    SOUND_R2,
+    improving_steps,
+    steps_before_use,
+)
 from ...study.procedures.result import HeldOutEffort
 from ..fit.friction_family import FamilyFit
 from ..fit.replay import Prediction, Simulation, r_squared, relative_error
@@ -144,8 +150,7 @@ def _margin_text(fit: JudgedJoint, error: float) -> str:
 def _recording_steps(fit: JudgedJoint, *, is_close: bool) -> tuple[Step, ...]:
     """Return what to record before a model that predicts is used."""
     groups = by_recording([p for p in fit.headlined.predictions if p.split == "heldout"])
-    unknown = [v for v in rank_verdicts(fit.verdicts) if v.kind == "warning" and v.finding in UNIDENTIFIED_FINDINGS]
-    steps = [Step(f"Before a controller is used, {_advice_with_reason(v)}") for v in unknown if v.do]
+    steps = [*steps_before_use(fit.verdicts, UNIDENTIFIED_FINDINGS)]
     errors = {group[0].recording: pooled_error(group) for group in groups} if len(groups) > 1 else {}
     worst = max(errors, key=errors.__getitem__, default="")
     if worst and errors[worst] > MAX_GOOD_ERROR:
@@ -156,12 +161,6 @@ def _recording_steps(fit: JudgedJoint, *, is_close: bool) -> tuple[Step, ...]:
     if any(v.finding == "drive_constant" and v.kind == "note" and v.do for v in fit.verdicts):
         steps.append(Step(PAYLOAD_STEP.format(unit={"A": "ampere", "V": "volt"}.get(fit.effort_unit, fit.effort_unit))))
     return tuple(steps[:MAX_IMPROVING_STEPS])
-
-
-def _advice_with_reason(verdict: Verdict) -> str:
-    """Return a verdict's advice within a sentence, with the beginning of its text as the reason."""
-    advice, reason = verdict.do.rstrip("."), verdict.text.split(" (", 1)[0].rstrip(".")
-    return f"{advice[:1].lower()}{advice[1:]} ({reason[:1].lower()}{reason[1:]})"
 
 
 def _verdict(error: float, r2: float, judged: str) -> tuple[AnswerVerdict, str]:

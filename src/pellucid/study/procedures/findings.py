@@ -5,7 +5,7 @@ A module of findings has one function for each.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import replace
 from types import ModuleType
 from typing import Any
@@ -55,6 +55,19 @@ def improving_steps(verdicts: Iterable[Verdict], *otherwise: Step) -> tuple[Step
     texts = [f"Look for this cause: {v.text}" for v in ranked if v.finding == CAUSES_FINDING]
     texts += [v.do for v in ranked if v.kind in ("wrong", "warning") and v.do]
     return tuple(map(Step, dict.fromkeys(texts[:MAX_IMPROVING_STEPS]))) or otherwise
+
+
+def steps_before_use(verdicts: Iterable[Verdict], findings: Collection[str]) -> tuple[Step, ...]:
+    """Return what to record before a model that predicts is used: the advice of warnings of the named findings."""
+    unknown = (v for v in rank_verdicts(verdicts) if v.kind == "warning" and v.do and v.finding in findings)
+    steps = tuple(Step(f"Before a controller is used, {_advice_with_reason(verdict)}") for verdict in unknown)
+    return steps[:MAX_IMPROVING_STEPS]
+
+
+def _advice_with_reason(verdict: Verdict) -> str:
+    """Return a verdict's advice within a sentence, with the beginning of its text as the reason."""
+    advice, reason = verdict.do.rstrip("."), verdict.text.split(" (", 1)[0].rstrip(".")
+    return f"{advice[:1].lower()}{advice[1:]} ({reason[:1].lower()}{reason[1:]})"
 
 
 def finders(module: ModuleType) -> Iterator[tuple[str, Callable[[Any], Iterator[Verdict]]]]:
