@@ -268,7 +268,7 @@ def test_cells_of_a_page_have_minus_signs_before_numbers_alone():
 
 def test_prose():
     assert typeset_sentence("dead: K_value_Nm_per_rad of spring_bench") == "Dead: K_value_Nm_per_rad of spring bench"
-    assert typeset_sentence("interval -0.5 to 2e-3 N*m, R2 0.9") == "Interval −0.5 to 2e-3 N·m, R² 0.9"
+    assert typeset_sentence("interval -0.5 to 2e-3 N*m, R2 0.9") == "Interval −0.5 to 2e-3\xa0N·m, R² 0.9"
     # What a reader copies keeps its letters.
     copied = 'answer "lever_arm=0.3 m" or write position_unit = "deg" for elbow_flexion'
     assert typeset_sentence(copied) == 'Answer "lever_arm=0.3 m" or write position_unit = "deg" for elbow flexion'

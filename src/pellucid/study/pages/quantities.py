@@ -221,7 +221,7 @@ _UNIT_PATTERN = (
 )
 """Symbol of a unit behind a number."""
 
-_NUMBER_BEFORE_UNIT = rf"(`[^`]*`)|(?<=[\d{VALUE_END}]) (?={_UNIT_PATTERN})"
+_NUMBER_BEFORE_UNIT = rf"(`[^`]*`|\"[^\"]*\")|(?<=[\d{VALUE_END}]) (?={_UNIT_PATTERN})"
 """Text to be copied, or the space between a number and its unit, at which no line may break."""
 
 
