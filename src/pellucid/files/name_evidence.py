@@ -400,7 +400,7 @@ def _motor_quantity(words: Sequence[str]) -> str | None:
 
 
 def motor_voltages(names: Iterable[str]) -> frozenset[str]:
-    """Return the columns that hold a motor's voltages, because currents of its axes stand beside them.
+    """Return the columns that hold a motor's voltages, because the same file has currents of its axes.
 
     Alone, v_d is a desired velocity.
 
