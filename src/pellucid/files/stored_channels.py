@@ -148,7 +148,7 @@ class ChannelStore:
 
     def _write(self, samples: np.ndarray) -> StoredArray:
         if not hasattr(os, "preadv"):
-            raise OSError("this system reads files at their position alone, which other processes move")
+            raise OSError("temporary file of samples: found no os.preadv, expected reads that leave its position alone")
         if self._file is None:
             self._file = TemporaryFile()  # noqa: SIM115  it is closed with the store
             finalize(self, self._file.close)
