@@ -121,13 +121,14 @@ def test_a_finding_that_the_figures_are_wrong_comes_first_and_ends_with_a_reason
 @pytest.mark.parametrize(
     ("basis", "said"),
     [
-        (Basis(3, 7), "Based on 3 of 7 recordings, as recorded."),
+        (Basis(3, 7), "Based on 3 of 7 recordings, measured or simulated (not stated)."),
         (Basis(7, 7, judged="held-out segments", is_simulated=True),
          "Based on 7 recordings, simulated; numbers are of held-out segments."),
         (Basis(7, 7, judged="2 held-out recordings", is_simulated=False, held_out=2),
          "Based on 7 recordings, measured; numbers are of held-out data: 2 of 7 recordings."),
         (Basis(1, 1, parts=2, held_out=1),
-         "Based on 1 recording in 2 parts, as recorded; numbers are of held-out data: 1 of 2 parts."),
+         "Based on 1 recording in 2 parts, measured or simulated (not stated); numbers are of held-out data: 1 of 2 "
+         "parts."),
         (Basis(1, 1, "participant", is_simulated=False), "Based on 1 participant, measured."),
         (Basis(2, 2, "model card", is_simulated=None), "Based on 2 model cards."),
     ],

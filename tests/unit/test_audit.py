@@ -333,7 +333,7 @@ def test_what_reading_repairs_is_no_reason_to_record_again(tmp_path):
     assert "Reading repairs time [s] (repeated packets), angle [rad] (missing samples)" in found.headline
     assert found.answer.badge == "Yes (once read by Pellucid)"
     assert found.answer.basis.sentence == (
-        f"Based on 1 file, {COUNT + 150:,} rows, 150 repeated rows excluded, as recorded."
+        f"Based on 1 file, {COUNT + 150:,} rows, 150 repeated rows excluded, measured or simulated (not stated)."
     )
     assert found.answer.next_command.startswith("pellucid init my-study --from")
     columns["angle [rad]"][1000:5000] = np.nan
@@ -413,4 +413,4 @@ def test_the_audit_of_emg_counts_the_files_that_have_emg(tmp_path):
     without = {name: samples for name, samples in log.items() if "EMG" not in name}
     found = audit_emg([written(tmp_path, log, "emg.csv"), written(tmp_path, without, "motion.csv")])
     assert [file.name for file in found.files] == ["emg.csv"]
-    assert found.answer.basis.sentence == f"Based on 1 file, {COUNT:,} rows, as recorded."
+    assert found.answer.basis.sentence == f"Based on 1 file, {COUNT:,} rows, measured or simulated (not stated)."

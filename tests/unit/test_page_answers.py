@@ -256,7 +256,7 @@ def test_an_error_near_the_bound_says_so_and_asks_for_another_recording():
 def test_a_drive_of_unknown_constant_asks_for_a_known_payload():
     unknown = Verdict("note", "The drive constant is unknown.", "Add a recording.", finding="drive_constant")
     answer = predicting(verdicts=(unknown,), effort_unit="V").answer
-    assert "Record with a known payload too: without it, all parameters are per volt" in answer.next[0].text
+    assert "record with a known payload too: until then, all parameters are per volt" in answer.next[0].text
 
 
 def test_no_line_breaks_between_a_number_and_its_unit():

@@ -25,7 +25,7 @@ def test_refused_recordings_leave_an_answer_in_every_form(dead):
     (told,) = read_answers(dead / "results.json")
     assert (told["command"], told["verdict"]) == ("identify", "cannot say")
     assert "the one value 0" in told["reason"]
-    assert told["based_on"]["sentence"] == "Based on 0 of 1 recording, as recorded."
+    assert told["based_on"]["sentence"] == "Based on 0 of 1 recording, measured or simulated (not stated)."
     assert [step["command"] for step in told["next"]] == [""]  # `check` would end with status 1
     assert f"Cannot say. {told['said'][:40]}" in done.stdout
     page = (dead / "report" / "index.html").read_text(encoding="utf-8")
@@ -41,7 +41,7 @@ def test_a_check_says_why_recordings_are_not_fit(dead):
     assert done.exit_code == 1
     assert question == "Are these recordings fit to be used by identify?"
     assert said.startswith("No. 1 fault prevents their use: current of sweep.csv (the one value 0 A")
-    assert based_on == "Based on 0 of 1 recording, as recorded."
+    assert based_on == "Based on 0 of 1 recording, measured or simulated (not stated)."
     table = json.loads(CliRunner().invoke(app, ["check", str(dead), "-q", "--json"]).stdout)
     assert table["answer"]["verdict"] == "no"
     assert [fault["severity"] for fault in table["faults"]] == ["refuse"]

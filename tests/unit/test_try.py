@@ -29,6 +29,8 @@ FIRST_SCREEN_PX = 800
 MAX_SECONDS = 15.0
 """Longest time of `try` on two quiet cores [s]."""
 
+UNSTATED = "measured or simulated (not stated)"
+
 
 def wall_clock(folder):
     return made_layouts.wall_clock(folder).files
@@ -297,7 +299,7 @@ def test_a_refused_log_has_a_page_with_question_answer_reason_basis_and_next_ste
     assert "<h1>log</h1>" in text
     assert "Can a model be identified from these files?" in text
     assert '<span class="badge">No</span> No effort was recorded' in text
-    assert "Based on 1 recording in 2 parts, as recorded." in text
+    assert "Based on 1 recording in 2 parts, measured or simulated (not stated)." in text
     record, repeat = following_of(page)
     assert record == "Record the effort too, or rename its column, as in &#34;torque [Nm]&#34;."
     assert repeat == f"Then repeat: pellucid try {path}."
@@ -329,7 +331,7 @@ def test_a_constant_effort_is_named_and_not_missing(tmp_path, value):
 
 @pytest.mark.parametrize(
     ("head", "said"),
-    [("# simulated with MuJoCo\n", "simulated"), ("# not simulated\n", "as recorded"), ("", "as recorded")],
+    [("# simulated with MuJoCo\n", "simulated"), ("# not simulated\n", UNSTATED), ("", UNSTATED)],
 )
 def test_a_log_is_called_simulated_where_it_says_so_and_measured_nowhere(tmp_path, head, said):
     """A simulated log was called measured, and its two parts were two recordings."""

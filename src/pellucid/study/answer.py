@@ -144,7 +144,8 @@ class Basis:
         """What the answer is based on, in one or more sentences."""
         text = f"{self.used} of {self.recorded}" if self.used != self.recorded else f"{self.recorded}"
         text += f" {_plural(self.counted, self.recorded)}{f' in {self.parts} parts' if self.parts else ''}"
-        origins = {True: "simulated", False: "measured", None: "as recorded" if self.counted in RECORDED_UNITS else ""}
+        unstated = "measured or simulated (not stated)" if self.counted in RECORDED_UNITS else ""
+        origins = {True: "simulated", False: "measured", None: unstated}
         origin = DIGITISED if self.is_digitised else origins[self.is_simulated]
         rows = f"{self.rows:,} {_plural('row', self.rows)}" if self.rows else ""
         words = [text, rows, *self.excluded, origin, f"of {WORN_TOGETHER}" if self.is_worn else ""]

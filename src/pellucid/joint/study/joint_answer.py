@@ -90,7 +90,10 @@ SECOND_RECORDING_STEP = Step(
 )
 """Next step where a single held-out recording decides by a small margin."""
 
-PAYLOAD_STEP = "Record with a known payload too: without it, all parameters are per {unit}, and masses are not known"
+PAYLOAD_STEP = (
+    "State the drive's constant, or record with a known payload too: until then, all parameters are per {unit}, and "
+    "masses are not known"
+)
 """Next step where the drive's constant is unknown."""
 
 RICHER_STEP = Step(
