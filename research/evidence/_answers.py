@@ -156,8 +156,9 @@ def _answer_alone(answer: Answer) -> Iterator[str]:
         yield f"the answer {answer.verdict} has no reason"
     if not answer.next:
         yield "there is no next step"
-    if any(each.is_scale for each in answer.assumed) and answer.is_answered:
-        yield "a default scales every number, but the question is answered"
+    is_told = answer.is_relative and "scale not confirmed" in answer.badge
+    if any(each.is_scale for each in answer.assumed) and answer.is_answered and not is_told:
+        yield "a default scales every number, but the question is answered without a word of it"
     if answer.basis is not None and not 0 <= answer.basis.used <= answer.basis.recorded:
         yield f"{answer.basis.used} of {answer.basis.recorded} were used"
     bounds = re.search(r"within ([\d.]+) %\?$", answer.question)
@@ -235,9 +236,9 @@ def page_contradictions(result: Result, page: str) -> Iterator[str]:
     shown = _bare(re.sub(r"<[^>]+>", "", html.unescape(lead[1]))) if lead else ""
     if _bare(f"{answer.badge} {plain_text(answer.said)[:60]}") not in shown:
         yield f"the page's sentence is another one: {shown[:80]}"
-    text = _bare(html.unescape(page))
+    text = _bare(html.unescape(re.sub(r"<[^>]+>", "", page)))
     for step in answer.next:
-        if step.command and step.name != "report" and _bare(step.command) not in _bare(re.sub(r"<[^>]+>", "", text)):
+        if step.command and step.name != "report" and _bare(step.command) not in text:
             yield f"the page does not say {step.command}"
     if answer.basis is not None and _bare(answer.basis.sentence) not in text:
         yield "the page does not say what the answer is based on"
