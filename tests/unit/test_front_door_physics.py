@@ -41,11 +41,13 @@ def test_a_torque_before_a_gear_is_asked_for(tmp_path, names, default):
     assert torque.keys["scale"] == GEAR
 
 
-def test_a_gear_that_nobody_stated_is_no_yes(tmp_path):
+def test_a_gear_that_nobody_stated_is_no_plain_yes(tmp_path):
     path = geared_log(tmp_path / "log.csv", "Time [s]", "Joint Angle [deg]", "", "Motor Torque [Nm]")
-    assert try_log([path], out=tmp_path / "page").answer.verdict == "cannot say"
+    answer = try_log([path], out=tmp_path / "page").answer
+    assert answer.badge == "Yes (scale not confirmed)"
+    assert "assumed: gear_turns" in answer.sentence
     tried = try_log([path], out=tmp_path / "sure", answers={"gear_turns": "80"})
-    assert tried.answer.verdict == "yes"
+    assert tried.answer.badge == "Yes"
     found = parameters_of(tried)
     assert found["inertia"].value == pytest.approx(INERTIA, rel=0.05)
     assert found["gravity"].value == pytest.approx(GRAVITY, rel=0.05)

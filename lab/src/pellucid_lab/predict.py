@@ -17,7 +17,7 @@ from pellucid.study.procedures.result import FigureTable, Result
 from pellucid.study.results import ResultRow, write_rows
 
 from .known_rigs import parse_rig
-from .pointing.predicted_indices import LEADING_PREDICTED_INDEX, PREDICTED_INDICES, PredictedIndex
+from .pointing.predicted_indices import PREDICTED_INDICES, PredictedIndex, leading_predicted_index
 from .pointing.prediction import (
     CARRYING_CONTROLLERS,
     NOTHING_CARRIED,
@@ -215,8 +215,8 @@ def _make_result(
             for what, value in (("", middle), (".low", low), (".high", high)):
                 row = f"{name}.predicted.{index.name}.{law.lower()}{what}"
                 rows.append(ResultRow(row, value, "%", "predict", "simulated", note=drawn))
-    for law, share in studies.shown(LEADING_PREDICTED_INDEX.name).items():
-        row = f"{name}.predicted.{LEADING_PREDICTED_INDEX.name}.{law.lower()}.shown"
+    for law, share in studies.shown(leading_predicted_index().name).items():
+        row = f"{name}.predicted.{leading_predicted_index().name}.{law.lower()}.shown"
         rows.append(ResultRow(row, 100.0 * share, "%", "predict", "simulated", note=f"of studies; {drawn}"))
     rate = made.movements / made.cpu
     rows += [
@@ -238,7 +238,7 @@ def _make_result(
 
 def _answer(found: Predicted) -> Answer:
     """Return whether a study would show that controllers change the leading index, by its own tests."""
-    index, needed = LEADING_PREDICTED_INDEX, 100.0 * found.confidence
+    index, needed = leading_predicted_index(), 100.0 * found.confidence
     parts, numbers = [], []
     for law, share in found.studies.shown(index.name).items():
         low, middle, high = found.studies.interval(index.name, law)

@@ -87,8 +87,10 @@ PREDICTED_INDICES: tuple[PredictedIndex, ...] = (
 
 PREDICTED_INDICES_BY_NAME = {index.name: index for index in PREDICTED_INDICES}
 
-LEADING_PREDICTED_INDEX = PREDICTED_INDICES_BY_NAME[leading_index().name]
-"""The predicted index that an assessment of the study tests first."""
+
+def leading_predicted_index() -> PredictedIndex:
+    """Return the predicted index that an assessment of the study tests first."""
+    return PREDICTED_INDICES_BY_NAME[leading_index().name]
 
 
 def change(index: str, worn: np.ndarray, control: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from pellucid.study.pages.page import Page, Section, write_page
 from pellucid.study.pages.quantities import cell_text, number
 from pellucid.study.procedures.result_tables import FigureTable
 
-from ..pointing.predicted_indices import LEADING_PREDICTED_INDEX, PREDICTED_INDICES, PredictedIndex
+from ..pointing.predicted_indices import PREDICTED_INDICES, PredictedIndex, leading_predicted_index
 from ..pointing.prediction import NOTHING_CARRIED, condition_words
 from ..predict import Predicted, row_id
 
@@ -22,7 +22,7 @@ PREDICTION_PAGE_FOLDER = Path("lab") / "prediction"
 
 def write_prediction_page(folder: Path, found: Predicted) -> Path:
     """Write the page of a prediction into a study's `folder` and return its path."""
-    leading = LEADING_PREDICTED_INDEX
+    leading = leading_predicted_index()
     others = [index for index in PREDICTED_INDICES if index is not leading]
     share = f"{100.0 * found.confidence:.0f} % of simulated studies"
     table = next(one for one in found.tables if isinstance(one, FigureTable))
