@@ -20,7 +20,7 @@ FAULT_AT = 400
 def joint() -> ControlLaw:
     """A law that carries a forearm."""
     stated = {"inertia": 0.05, "gravity_sine": 1.5, "velocity_width": 0.1, "effort_limit": 5.0, "rate_limit": 500.0}
-    stated |= {"velocity_limit": 10.0, "position_min": -2.0, "position_max": 2.0, "max_age": 0.005, "period": PERIOD}
+    stated |= {"velocity_limit": 14.0, "position_min": -2.0, "position_max": 2.0, "max_age": 0.005, "period": PERIOD}
     return ControlLaw("joint", LAWS["joint"].defaults | stated)
 
 
@@ -36,7 +36,7 @@ def played(kind: str, decimation: int = 1) -> bytes:
             position += {"jump": 1.0, "silent encoder": np.nan}.get(kind, 0.0)
             drive *= 3.0 if kind == "gain of drive" else 1.0
             if kind == "driven":
-                position = 0.5 + 0.3 * np.sin(2.4) + 1.7 * (1.0 - np.cos(7.0 * (t - 0.4)))
+                position = 0.5 + 0.3 * np.sin(2.4) + 2.8 * (1.0 - np.cos(6.2 * (t - 0.4)))
         if kind == "by hand" and k == FAULT_AT:
             safe.stop()
         last = safe.step(t, position, drive=drive)
