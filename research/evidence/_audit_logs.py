@@ -425,23 +425,23 @@ def score_logs(seeds: range) -> Score:
         for seed in seeds:
             kind, log = draw_log(seed)
             found = pl.audit(write_log(log, Path(folder, "log.csv")))
-            alarms = {(v.channel, f.kind) for v in found.alarms for _, f in v.findings if f.level == "alarm"}
-            repaired = {(v.channel, f.kind) for v in found.verdicts for _, f in v.findings if f.level == "repaired"}
+            told = {
+                (v.channel, f.kind) for v in found.verdicts for _, f in v.findings if f.level in ("alarm", "repaired")
+            }
             if not kind:
                 score.clean += 1
-                score.false_alarms += bool(alarms)
-                if alarms:
-                    score.said.append(f"{seed} clean: {sorted(alarms)}")
+                score.false_alarms += bool(told)
+                if told:
+                    score.said.append(f"{seed} clean: {sorted(told)}")
                 continue
             channel, kinds = log.sealed
             score.faulty[kind] += 1
-            hit = any(name == channel and each in kinds for name, each in alarms | repaired)
+            hit = any(name == channel and each in kinds for name, each in told)
             score.found[kind] += hit
-            others = {name for name, _ in alarms} - {channel}
+            others = {name for name, _ in told} - {channel}
             score.misplaced += bool(others)
             if not hit or others:
-                told = sorted(alarms | repaired)
-                score.said.append(f"{seed} {kind} in {channel}: {'hit' if hit else 'MISSED'}, {told}")
+                score.said.append(f"{seed} {kind} in {channel}: {'hit' if hit else 'MISSED'}, {sorted(told)}")
     return score
 
 
