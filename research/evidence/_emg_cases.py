@@ -9,12 +9,11 @@ reproduce hill`` shows.
 
 from __future__ import annotations
 
-import json
 import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,6 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from pellucid import PellucidError
-from pellucid._atomic import write_text_atomically
 from pellucid.emg.estimators.condition_choice import (
     find_extrapolator,
     is_candidate,
@@ -49,7 +47,7 @@ from pellucid.study.datasets.registry import path as data_set
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow
 from pellucid.study.study import STUDY_FILE, Study
-from pellucid_lab.papers import hill
+from pellucid_lab.papers.hill.real_people import RANKING_FILE, RankedError, RankedMethod, write_ranking
 from research.benchmarks._size import is_smallest
 from research.benchmarks._walking import DATASET as WALKING
 
@@ -222,29 +220,6 @@ def case_rows(ranking: Path | None = None) -> Iterator[ResultRow]:
 NAMED = "named"
 """Name of what `calibrate` recommends, in the ranking."""
 
-RANKING_FILE = Path(hill.__file__).with_name("real_people.json")
-"""File with the ranking that ``pellucid reproduce hill`` shows."""
-
-
-@dataclass(frozen=True)
-class RankedError:
-    """A method's error over that of the best one of each case: geometric mean, with Student's interval over cases."""
-
-    ratio: float
-    low: float  # Ends of the 95 % interval
-    high: float
-    cases: int
-
-
-@dataclass(frozen=True)
-class RankedMethod:
-    """A method's error on real people."""
-
-    name: str
-    words: str
-    common: RankedError  # In the cases in which every method can be fitted
-    every: RankedError | None  # In all cases; None for a method that cannot be fitted in some of them
-
 
 def rank_methods(errors: Mapping[str, Mapping[str, float]]) -> list[RankedMethod]:
     """Return the methods that fit most cases in common, the best first, from errors by case and method."""
@@ -285,12 +260,6 @@ def ranking_rows(ranked: Sequence[RankedMethod]) -> Iterator[ResultRow]:
                     f"method of each case, geometric mean over {found.cases} cases of real people"
                 )
                 yield row(f"ranking.{each.name}{ending}", found.ratio, "1", words)
-
-
-def write_ranking(ranked: Sequence[RankedMethod], path: Path) -> None:
-    """Write the ranking as JSON."""
-    content = {"methods": [asdict(each) for each in ranked]}
-    write_text_atomically(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
 
 def common_errors(folds: Sequence[Mapping[str, np.ndarray]]) -> dict[str, float]:

@@ -2,7 +2,13 @@
 
 from pellucid_lab.papers.figure import Figures, figure
 from pellucid_lab.papers.hill.paper import HillPaper
-from pellucid_lab.papers.hill.real_people import ranked_methods, real_people_rows, real_people_section
+from pellucid_lab.papers.hill.real_people import (
+    RANKING_FILE,
+    ranked_methods,
+    real_people_rows,
+    real_people_section,
+    write_ranking,
+)
 
 
 def test_every_method_has_an_interval_and_the_best_comes_first():
@@ -32,3 +38,8 @@ def test_the_terminal_the_page_and_the_answer_show_the_same_ranking():
     said = paper.answer(figures).said
     assert said.startswith("Tables 4 and 5 are a self-test on simulated people")
     assert str(ranked_methods()[0].common) in said
+
+
+def test_a_ranking_is_read_as_it_was_written(tmp_path):
+    write_ranking(ranked_methods(), tmp_path / "ranking.json")
+    assert (tmp_path / "ranking.json").read_bytes() == RANKING_FILE.read_bytes()

@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
+from pellucid._atomic import write_text_atomically
 from pellucid.study.pages.forest import number_table
 from pellucid.study.pages.page import Section
 
@@ -25,10 +26,10 @@ PEOPLE_WORDS = "real people who walk, run, lift, crouch, extend a leg or hold a 
 
 @dataclass(frozen=True)
 class RankedError:
-    """A method's error over that of the best method of each case: geometric mean over held-out cases."""
+    """A method's error over that of the best of each case: geometric mean, with Student's interval over cases."""
 
     ratio: float
-    low: float  # Ends of the 95 % interval over cases
+    low: float  # Ends of the 95 % interval
     high: float
     cases: int
 
@@ -45,6 +46,12 @@ class RankedMethod:
     words: str
     common: RankedError  # In the cases in which every method can be fitted
     every: RankedError | None  # In all cases; None for a method that cannot be fitted in some of them
+
+
+def write_ranking(ranked: Sequence[RankedMethod], path: Path) -> None:
+    """Write the methods, the best first, as `ranked_methods` reads them."""
+    content = {"methods": [asdict(each) for each in ranked]}
+    write_text_atomically(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
 
 @cache
