@@ -5,7 +5,6 @@ The filter chain that a study's table asks for, with the mains that its fitted r
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -191,11 +190,6 @@ def raw_channel(stream: Recording, muscle: str) -> np.ndarray:
             "lost when a muscle began"
         )
     return channel.samples
-
-
-def enveloped_muscles(study: Study, table: MuscleTable) -> dict[str, int]:
-    """Return the muscles whose channels are stated as raw EMG and hold envelopes, with their number of recordings."""
-    return dict(Counter(muscle for _, muscle in enveloped_channels(study, table)))
 
 
 def enveloped_channels(study: Study, table: MuscleTable) -> list[tuple[str, str]]:

@@ -86,8 +86,8 @@ def find_cocontraction(study: Study, tell: Progress = quiet) -> CocontractionRes
     table = study.table(CocontractionTable)
     raise_refusals(emg_faults(study, table))
     tell("envelopes", 0.1)
-    smooth = [] if table.chain == "none" else enveloped_channels(study, table)
     recordings = _require_pairs(study, table, relative_envelopes(study, table))
+    smooth = enveloped_channels(study, table)
     found, rows = [], []
     for each in recordings:
         for pair in table.pairs:

@@ -38,7 +38,7 @@ from ..muscle_channels import (
     MuscleEnvelopes,
     emg_faults,
     envelope_faults,
-    enveloped_muscles,
+    enveloped_channels,
     raise_refusals,
     raw_emg_steps,
     relative_envelopes,
@@ -95,7 +95,8 @@ class EmgForceResult(Result):
     """Result of `emg_force`."""
 
     found: tuple[MuscleForce, ...] = field(default=(), repr=False)
-    enveloped: Mapping[str, int] = field(default_factory=dict)  # muscles whose channels hold envelopes, not raw EMG
+    # Number of recordings of each muscle that hold an envelope, not raw EMG
+    enveloped: Mapping[str, int] = field(default_factory=dict)
 
     def make_answer(self) -> Answer:
         """Return the answer that the result gives, before the study completes it."""
@@ -127,7 +128,7 @@ def find_emg_force(study: Study, tell: Progress = quiet) -> EmgForceResult:
         study=study.name, headline=_headline(found, table.confidence), tables=(_table(found, table.confidence),),
         rows=tuple(_rows(study.name, found, table.confidence)), found=found, verdicts=tuple(_verdicts(found)),
         confidence=table.confidence, cards={}, checksums={each.name: each.checksum for each in recordings},
-        enveloped=enveloped_muscles(study, table),
+        enveloped=Counter(muscle for _, muscle in enveloped_channels(study, table)),
     )  # fmt: skip
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,11 +23,17 @@ from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow
 from ....study.study import Study
-from ...signals.emg_onset import OTHER_CAUSE, Burst, UnseenOnsetError, activations, require_activity
+from ...signals.emg_onset import (
+    ENVELOPE_CAUSE,
+    OTHER_CAUSE,
+    Burst,
+    UnseenOnsetError,
+    activations,
+    require_activity,
+)
 from ..muscle_channels import (
     emg_faults,
     emg_stream,
-    enveloped_muscles,
     find_recordings_with_emg,
     find_used_muscles,
     name_channel,
@@ -75,7 +82,6 @@ class OnsetResult(Result):
 
     muscles: tuple[MuscleBursts, ...] = field(default=(), repr=False)
     missed: tuple[MissedMuscle, ...] = ()  # muscles of recordings in which no onset could be looked for
-    enveloped: Mapping[str, int] = field(default_factory=dict)  # muscles whose channels hold envelopes, not raw EMG
 
     def make_answer(self) -> Answer:
         """Return the answer that the result gives, before the study completes it."""
@@ -134,9 +140,8 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
             settings = {"shortest": table.shortest, "pause": table.pause, "level": table.confidence}
             try:
                 active = _with_raw_emg(activations, stream, muscle, table, **settings)
-            except RecordingError as error:
-                cause = error.cause if isinstance(error, UnseenOnsetError) else OTHER_CAUSE
-                missed.append(MissedMuscle(recording.name, muscle, cause, str(error)))
+            except UnseenOnsetError as error:
+                missed.append(MissedMuscle(recording.name, muscle, error.cause, str(error)))
                 rows.append(ResultRow(f"{base}.bursts", None, "1", "onset", split, stream.checksum, str(error)))
                 continue
             span = float(stream.time[-1] - stream.time[0])
@@ -185,7 +190,6 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
         checksums={recording.name: recording.checksum for recording in recordings},
         muscles=tuple(found),
         missed=tuple(missed),
-        enveloped=enveloped_muscles(study, table),
     )
 
 
@@ -194,6 +198,7 @@ def onset_answer(result: OnsetResult) -> Answer:
     unseen = [each for each in result.muscles if not any(burst.seen for burst in each.bursts)]
     count = len(result.muscles) + len(result.missed)
     good = len(result.muscles) - len(unseen)
+    enveloped = Counter(each.muscle for each in result.missed if each.cause == ENVELOPE_CAUSE)
     lacking = [(each, "no beginning of activity") for each in unseen] + [(each, each.cause) for each in result.missed]
     parts = [AnswerPart(f"{each.muscle} in {each.recording}", "no", cause) for each, cause in lacking]
     said = result.headline
@@ -207,7 +212,7 @@ def onset_answer(result: OnsetResult) -> Answer:
         f"{len(parts)} not found: {reason_of_parts(parts)}" if parts else "",
         tuple(parts),
         basis=Basis(recordings, recordings),
-        next=steps_after("no" if parts else "yes", (PAPER_STEP,), (*raw_emg_steps(result.enveloped), REST_STEP)),
+        next=steps_after("no" if parts else "yes", (PAPER_STEP,), (*raw_emg_steps(enveloped), REST_STEP)),
     )
 
 
