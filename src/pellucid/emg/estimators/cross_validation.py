@@ -80,6 +80,11 @@ def score(reference: np.ndarray, predicted: np.ndarray) -> Score:
     return Score(float(np.sqrt(np.mean(error**2))), r2)
 
 
+def covered_share(reference: np.ndarray, predicted: np.ndarray, half_width: float | np.ndarray) -> float:
+    """Return the share of a reference within a band about its prediction, both of shape (n,)."""
+    return float(np.mean(np.abs(reference - predicted) <= half_width))
+
+
 def weighted_rmse(reference: np.ndarray, predicted: np.ndarray, weight: np.ndarray | None) -> float:
     """Return the root mean square error, all of shape (n,); `weight` None: every sample counts the same."""
     error = np.asarray(reference, float) - np.asarray(predicted, float)

@@ -34,7 +34,7 @@ from ....study.procedures.procedure import CostedSteps, Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND, Examination, run_tests_if_candidate
-from ...estimators.cross_validation import Score, score
+from ...estimators.cross_validation import Score, covered_share, score
 from ...estimators.emg_worth import EmgWorth
 from ...estimators.families import ESTIMATOR_FAMILIES, STACKED, named_family
 from ...estimators.hill import HillMap
@@ -514,8 +514,8 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
                     joint, name, causal, recording, score(torque, made), fit.choice.score, fit.choice.words,
                     examined=away,
                     seconds=fit.fit.seconds if isinstance(fit, HillMap) else None,
-                    coverage=None if half is None else float(np.mean(np.abs(torque - made) <= half)),
-                    held=None if away is None else float(np.mean(np.abs(torque - made) <= away.half_width)),
+                    coverage=None if half is None else covered_share(torque, made, half),
+                    held=None if away is None else covered_share(torque, made, away.half_width),
                     partial=findings.partial_errors(torque, made) if isinstance(fit, HillMap) else (),
                     without_changed=without,
                     as_recorded=None if unrepaired is None else score(torque, unrepaired),

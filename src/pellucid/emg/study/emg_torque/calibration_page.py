@@ -27,6 +27,7 @@ from ....study.procedures.result import ParameterTable
 from ....study.procedures.study_page import figure_tables, study_page
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND
+from ...estimators.cross_validation import covered_share
 from ...estimators.families import ESTIMATOR_FAMILIES, STACKED, STACKED_FAMILY, named_family
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness
 from ...signals.emg_chain import emg_chain
@@ -415,7 +416,7 @@ def coverage_text(trace: TorqueTrace) -> str:
     """Return words that state each band's level and the share of the torque that it holds; empty without bands."""
     sentences = []
     for name, half in trace.half_width.items():
-        share = 100.0 * float(np.mean(np.abs(trace.reference - trace.predicted[name]) <= half))
+        share = 100.0 * covered_share(trace.reference, trace.predicted[name], half)
         words, level = named_family(name).description, 100.0 * trace.level
         sentences.append(f"; the {level:g} % prediction band of {words} covers {share:.0f} % of this torque")
     return "".join(sentences)

@@ -29,7 +29,7 @@ from ....study.procedures.result import FigureTable, ParameterTable
 from ....study.results import ResultRow
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND
-from ...estimators.cross_validation import Score, score
+from ...estimators.cross_validation import Score, covered_share, score
 from ...estimators.hill import HillTogether, TrialByJoint, fit_together
 from ...estimators.torque_trial import TorqueTrial, group_pieces
 from ...estimators.unrecorded import UnrecordedMuscles, fit_unrecorded_muscles
@@ -201,7 +201,7 @@ def _score_joints(
     """Yield the score of each joint's predicted torque over a recording's pieces, and the coverage of its band."""
     for joint, predicted in torque.items():
         reference = np.concatenate([trial[joint].torque for trial in pieces])
-        inside = float(np.mean(np.abs(reference - predicted) <= half[joint]))
+        inside = covered_share(reference, predicted, half[joint])
         yield TogetherScore(how, joint, name, score(reference, predicted), inside)
 
 

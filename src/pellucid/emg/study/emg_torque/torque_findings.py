@@ -37,7 +37,7 @@ from ...estimators.condition_choice import (
     predict_without_each_test,
     recommend,
 )
-from ...estimators.cross_validation import Score, score
+from ...estimators.cross_validation import Score, covered_share, score
 from ...estimators.emg_session import ChannelComparison
 from ...estimators.emg_worth import WORTH_BLOCKS, EmgWorth, worth_on_recording, worth_over_trials
 from ...estimators.families import ESTIMATOR_FAMILIES, STACKED, named_family
@@ -230,20 +230,21 @@ def recommend_estimator(
     judged, bare = [], {e.recording: e for e in own if e.estimator == BASELINE_ESTIMATOR}
     for recording in dict.fromkeys(e.recording for e in own):
         name = beyond if recording in refused else chosen.name
+        one, trace = of.get((name, recording)), made.get(recording)
         if name == STACKED:
-            judged.append(_evaluate_mean(chosen, of, made[recording], within.half_width))
-            made[recording].predicted[STACKED] = chosen.predict(made[recording].predicted)
-        elif (name, recording) in of:
-            judged.append(of[name, recording])
-        if recording in made and recording not in refused:
+            one = _evaluate_mean(chosen, of, trace, within.half_width)
+            trace.predicted[STACKED] = chosen.predict(trace.predicted)
+        if one is None:
+            continue
+        if trace is not None and recording not in refused:
             # The band of what was chosen also carries the choice, which the estimator's own tests do not.
-            trace = made[recording]
             trace.half_width[name] = np.full(len(trace.time), within.half_width)
-            judged[-1] = replace(judged[-1], held=_covered_share(trace, trace.predicted[name], within.half_width))
+            one = replace(one, held=covered_share(trace.reference, trace.predicted[name], within.half_width))
+        judged.append(one)
         if bare_chosen is not None and bare_chosen.name != STACKED:
             bare[recording] = of[bare_chosen.name, recording]
         elif bare_chosen is not None:
-            bare[recording] = _evaluate_mean(bare_chosen, of, made[recording], bare_within.half_width)
+            bare[recording] = _evaluate_mean(bare_chosen, of, trace, bare_within.half_width)
     judged.sort(key=lambda e: -e.score.rmse)
     return RecommendedEstimator(
         what,
@@ -270,13 +271,8 @@ def _evaluate_mean(
     return replace(
         alike, estimator=STACKED, score=score(trace.reference, made), choice=words, examined=None, within=None,
         seconds=None, coverage=None, partial=(), without_changed=None, as_recorded=None,
-        held=_covered_share(trace, made, half_width),
+        held=covered_share(trace.reference, made, half_width),
     )  # fmt: skip
-
-
-def _covered_share(trace: TorqueTrace, predicted: np.ndarray, half_width: float) -> float:
-    """Return the share of the reference within a band about a predicted torque, shape (n,) [N m]."""
-    return float(np.mean(np.abs(trace.reference - predicted) <= half_width))
 
 
 def recommend_by_fold(
@@ -294,7 +290,7 @@ def recommend_by_fold(
     )
     one, of, within, made = _evaluate_folds(groups, trials, found, by, results)
     width = {t.name: within[t.group].half_width for t in trials}
-    held = {t.name: float(np.mean(np.abs(t.torque - made[t.name]) <= width[t.name])) for t in trials}
+    held = {t.name: covered_share(t.torque, made[t.name], width[t.name]) for t in trials}
     return RecommendedEstimator(
         one.what,
         tuple(of.values()),

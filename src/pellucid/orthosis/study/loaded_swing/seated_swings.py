@@ -14,7 +14,7 @@ import numpy as np
 
 from ...._errors import IdentificationError
 from ....emg.estimators.condition_choice import run_tests_if_candidate
-from ....emg.estimators.cross_validation import score
+from ....emg.estimators.cross_validation import covered_share, score
 from ....emg.estimators.families import ESTIMATOR_FAMILIES
 from ....emg.estimators.hill import HillMap
 from ....emg.estimators.torque_map import fit_torque_map
@@ -164,14 +164,13 @@ def _evaluate_person(
             torque = made[trial.name][name] = fit.predict(trial)
             if shown:
                 half.setdefault(trial.name, {})[name] = fit.half_width(trial)
-            inside = np.abs(trial.torque - torque) <= half[trial.name][name] if shown else None
             found.evaluated.append(
                 EstimatorEvaluation(
                     who, name, False, trial.name, score(trial.torque, torque), fit.choice.score, fit.choice.words,
                     examined=away,
                     seconds=fit.fit.seconds if muscles else None,
-                    coverage=None if inside is None else float(np.mean(inside)),
-                    held=None if away is None else float(np.mean(np.abs(trial.torque - torque) <= away.half_width)),
+                    coverage=covered_share(trial.torque, torque, half[trial.name][name]) if shown else None,
+                    held=None if away is None else covered_share(trial.torque, torque, away.half_width),
                     partial=partial_errors(trial.torque, torque) if muscles else (),
                 )
             )  # fmt: skip
