@@ -55,8 +55,10 @@ from .together import TogetherFigureData
 from .torque_findings import (
     BASELINE_ESTIMATOR,
     CAUSAL_ESTIMATORS,
+    FORMULA_KIND,
     MAX_NAMED_GAINS,
     REPORTED_ESTIMATORS,
+    STEP_KIND,
     CalibrationFindings,
     ConditionScore,
     EstimatorEvaluation,
@@ -64,6 +66,7 @@ from .torque_findings import (
     RecommendedEstimator,
     RecordingWorth,
     TorqueTrace,
+    recording_words,
 )
 from .trial_sources import (
     EXTENSION_PROTOCOL,
@@ -98,7 +101,7 @@ def leave_out_repetitions(study: Study, tell: Progress) -> CalibrationFindings:
         trials, weight = leg_extension_trials(study, person)
         progress = _part_progress(tell, i, len(people))
         _evaluate_trials(
-            found, trials, person or "knee", "normalised", weight, progress, is_one_of_several=len(people) > 1
+            found, trials, person or "knee", FORMULA_KIND, weight, progress, is_one_of_several=len(people) > 1
         )
     formula_text = (
         "No torque was recorded. The reference is a formula in the angle and its acceleration, dominated by the sine "
@@ -168,7 +171,7 @@ def _left_out_evaluations(
     own = []
     for name, result in results.items():
         every, whole = {t: Score(s.rmse / unit, s.r2) for t, s in result.by_trial.items()}, result.score
-        if kind != "steps":
+        if kind != STEP_KIND:
             whole = findings.mean_score(every.values())
         words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
         own.append(
@@ -195,12 +198,6 @@ MAX_BRIEF_NAMED_ROWS = 6
 
 MIN_TORQUE_R2 = 0.8
 """Smallest R² on recordings that were not fitted for which torque counts as estimated: that of a sound joint model."""
-
-STEP_KIND = "steps"
-"""Kind of an evaluation whose errors are pooled over trials; those of other trials are means over them."""
-
-FORMULA_KIND = "normalised"
-"""Kind of an evaluation whose reference is a formula in the angle, and no torque."""
 
 WORTH_VERDICTS: dict[str, AnswerVerdict] = {"worth it": "yes", "not worth it": "no", "cannot say": "cannot say"}
 """Verdict of each answer to whether EMG adds to angles."""
@@ -367,7 +364,7 @@ def _export_steps(result: CalibrationResult) -> tuple[Step, ...]:
         if name is None:
             continue
         scores = result.live[name]
-        figures = " and ".join(f'{s.r2:.3f} on recording "{_spoken(where)}"' for where, s in scores.items())
+        figures = " and ".join(f"{s.r2:.3f} on {recording_words(where)}" for where, s in scores.items())
         low = min(s.r2 for s in scores.values()) < MIN_TORQUE_R2
         less = f", less than the {MIN_TORQUE_R2:g} asked" if low else ""
         words = named_family(name.rpartition("_")[2]).description
@@ -580,7 +577,7 @@ def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings
                 on_progress=lambda text, share, b=base, s=span, p=person: tell(f"{p}, {text}", b + s * share),
                 examine=None if causal else run_tests_if_candidate,
             )
-            own = _left_out_evaluations(results, trials, what, "steps", causal=causal)
+            own = _left_out_evaluations(results, trials, what, STEP_KIND, causal=causal)
             found.evaluated.extend(own)
             if causal:
                 card = f"torque_map_{what}"
@@ -776,8 +773,8 @@ def _error_words(judged: EstimatorEvaluation) -> str:
 
 
 def _recording_words(judged: EstimatorEvaluation) -> str:
-    """Return the words that name the recording of an error; a name such as rest is not to be read as a state."""
-    return f' on recording "{_spoken(judged.recording)}"' if judged.recording else ""
+    """Return the words that name the recording of an error."""
+    return f" on {recording_words(judged.recording)}" if judged.recording else ""
 
 
 def _judged_on(each: RecommendedEstimator) -> str:

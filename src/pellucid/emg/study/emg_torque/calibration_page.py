@@ -37,6 +37,7 @@ from .together import FIT_WORDS
 from .torque_findings import (
     BASELINE_ESTIMATOR,
     DRAWN_MUSCLES_S,
+    FORMULA_KIND,
     MuscleSummary,
     RecommendedEstimator,
     RecordingWorth,
@@ -320,7 +321,7 @@ def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
         more += [f"{one.name.replace('_', ' ')} {number(one.score.rmse, digits=3)}" for one in others]
         unit = (
             "of the leg's weight, RMS"
-            if each.judged[0].kind == "normalised"
+            if each.judged[0].kind == FORMULA_KIND
             else f"{each.judged[0].unit.replace('*', '·')} RMS"
         )
         unit += ", the worst" if others else ""
@@ -366,7 +367,7 @@ def _errors_section(findings: CalibrationResult) -> Section:
         heads=list(dict.fromkeys(head[e.what] for e in plain)),
         chosen={head[each.what]: each.judged[0].estimator for each in findings.chosen},
         bare=BASELINE_ESTIMATOR,
-        unit=plain[0].torque_unit if plain[0].kind != "normalised" else "of the leg's weight",
+        unit=plain[0].torque_unit if plain[0].kind != FORMULA_KIND else "of the leg's weight",
         caption=f"RMS error of the torque{on}. Dashed: joint angles alone, without EMG. Bold: the recommended "
         "estimator, chosen by tests within the fitted recordings.",
     )

@@ -58,6 +58,18 @@ CAUSAL_ESTIMATORS = tuple(name for name, family in ESTIMATOR_FAMILIES.items() if
 """Estimators that `calibrate` also reports with causal features."""
 
 
+STEP_KIND = "steps"
+"""Kind of an evaluation of torque against an orthosis, whose errors are pooled over trials; others are means."""
+
+FORMULA_KIND = "normalised"
+"""Kind of an evaluation whose reference is a formula in the angle, relative to the leg's weight, and no torque."""
+
+
+def recording_words(name: str) -> str:
+    """Return the words that name a recording, in quotes: a name such as rest is not to be read as a state."""
+    return f'recording "{name.replace("_", " ")}"'
+
+
 @dataclass(frozen=True)
 class EstimatorEvaluation:
     """Evaluation of one estimator on one recording, or on all trials of a joint or person."""
@@ -71,8 +83,8 @@ class EstimatorEvaluation:
     choice: str  # Chosen features and settings, in words
     examined: ConditionTestErrors | None = None  # Condition tests; None for an estimator that may not be recommended
     by_trial: Mapping[str, Score] = field(default_factory=dict, repr=False)  # Score of each trial left out in turn
-    # Kind of evaluation, which sets the row's id: ``"recording"``, ``"steps"`` (torque against an orthosis),
-    # ``"trials"`` (means over trials left out), ``"normalised"`` (a torque relative to the leg's own weight)
+    # Kind of evaluation, which sets the row's id: ``"recording"``, ``"trials"`` (means over trials left out),
+    # `STEP_KIND` or `FORMULA_KIND`
     kind: str = "recording"
     seconds: float | None = None  # Duration of one calibration with all starts [s], if it is reported
     coverage: float | None = None  # Share of held-out samples within the 95 % interval about the prediction
@@ -98,12 +110,12 @@ class EstimatorEvaluation:
     @property
     def unit(self) -> str:
         """Unit of the RMSE."""
-        return "of the leg's weight" if self.kind == "normalised" else self.torque_unit
+        return "of the leg's weight" if self.kind == FORMULA_KIND else self.torque_unit
 
     @property
     def row_unit(self) -> str:
         """Unit of the RMSE in a result row."""
-        return "1" if self.kind == "normalised" else self.torque_unit
+        return "1" if self.kind == FORMULA_KIND else self.torque_unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -349,7 +361,7 @@ def _evaluate_folds(
         own = score(t.torque, made[t.name])
         by_trial[t.name] = Score(own.rmse * (reported / alone if alone > 0.0 else 1.0), own.r2)
     whole = score(np.concatenate([t.torque for t in trials]), np.concatenate([made[t.name] for t in trials]))
-    total = whole if alike.kind == "steps" else mean_score(by_trial.values())
+    total = whole if alike.kind == STEP_KIND else mean_score(by_trial.values())
     tests = {group: combine_tests(_tests_of_fold(results, j), found[group]) for j, group in enumerate(groups)}
     one = replace(
         alike, estimator=Counter(of.values()).most_common(1)[0][0], score=total, by_trial=by_trial,
@@ -581,7 +593,7 @@ def _compare_with_regression(found: CalibrationFindings, what: str) -> Iterator[
     own = [e for e in own if e.recording == own[0].recording]
     muscles = next((e for e in own if e.family.shows_muscles), None)
     rivals = [e for e in own if e.family.rivals_muscles]
-    if muscles is None or not rivals or muscles.kind == "normalised":
+    if muscles is None or not rivals or muscles.kind == FORMULA_KIND:
         return
     rival = min(e.score.rmse for e in rivals)
     errors = f"{what}: RMS error {muscles.score.rmse:.3g} {muscles.unit} with muscles, {rival:.3g} with regression: "
@@ -719,7 +731,7 @@ class RecordingWorth:
     @property
     def words(self) -> str:
         """Joint or participant, and the recording or the number of trials, in words."""
-        of = f'recording "{self.recording.replace("_", " ")}"' if self.recording else f"{self.worth.blocks} trials"
+        of = recording_words(self.recording) if self.recording else f"{self.worth.blocks} trials"
         return f"{self.what}, {of}"
 
 
@@ -784,7 +796,7 @@ def worth_sentence(worth: Sequence[RecordingWorth]) -> str:
         return ""
     by_answer: dict[str, list[str]] = {}
     for each in worth:
-        where = f' on recording "{each.recording.replace("_", " ")}"' if each.recording else ""
+        where = f" on {recording_words(each.recording)}" if each.recording else ""
         made = each.worth
         figure = f"{'' if by_answer else 'gain in '}R² {_signed(made.gain)}"
         if np.isfinite(made.low):
@@ -822,8 +834,8 @@ OVER_TRIALS_NOTE = "mean over held-out trials; "
 """Beginning of the note on a mean over trials."""
 
 ROWS_OVER_TRIALS = {
-    "steps": ("emg.{what}.rmse.{how}", "emg.{what}.r2.{how}", ""),
-    "normalised": (
+    STEP_KIND: ("emg.{what}.rmse.{how}", "emg.{what}.r2.{how}", ""),
+    FORMULA_KIND: (
         "{what}.{how}.rmse_normalised", "{what}.{how}.r2", f"relative to the weight of the leg; {OVER_TRIALS_NOTE}",
     ),
     "trials": ("{what}.{how}.rmse", "{what}.{how}.r2", OVER_TRIALS_NOTE),
@@ -851,7 +863,7 @@ def calibration_rows(
         if each.kind in ROWS_OVER_TRIALS:
             rmse, r2, words = (x.format(what=each.what, how=how) for x in ROWS_OVER_TRIALS[each.kind])
             yield row(rmse, each.score.rmse, unit, words + each.choice)
-            aggregate = "" if each.kind == "steps" else OVER_TRIALS_NOTE
+            aggregate = "" if each.kind == STEP_KIND else OVER_TRIALS_NOTE
             yield row(r2, each.score.r2, "1", aggregate + each.choice)
             continue
         base, tail = f"{each.what}.{how}", "" if each.recording == first else f".{each.recording}"
