@@ -19,8 +19,8 @@ The tests say nothing of a recording that is unlike all fitted ones, by its angl
 that extrapolates best by its form is recommended: muscles held by anatomy.
 
 The error band follows from conditions that are held out in turn, or from long parts of a single recording. Each is
-predicted by candidates that are refitted to the others, with weights that the others alone chose: the band also carries
-what the choice costs.
+predicted by candidates that are refitted to the others, with weights that follow from the errors in the others: the
+band also carries what the choice of weights costs. Features and settings of a candidate stay as all of them chose them.
 
 .. [1] L. Breiman, "Stacked regressions", Machine Learning 24, 1996.
 """
@@ -172,12 +172,11 @@ def _recommend(
 
     `weights` are those of the samples of each test, and `shares` how much each counts; empty: all the same.
     """
-    names, count = list(errors), len(next(iter(errors.values())))
-    whole = np.array([i for i in range(count) if all(_is_known(own[i]) for own in errors.values())], int)
+    names, whole = list(errors), _find_known_tests(errors)
     if not len(whole):
         raise IdentificationError(f"choice: found no test recording that {', '.join(names)} all predict, expected one")
     moments = np.array([_error_moments([own[i] for own in errors.values()], weights, i) for i in whole])
-    each_share = np.array(shares or np.ones(count))[whole]
+    each_share = np.asarray(shares)[whole] if shares else np.ones(len(whole))
 
     def solve(kept: np.ndarray) -> dict[str, float]:
         total = np.average(moments[kept], axis=0, weights=each_share[kept])
@@ -191,6 +190,11 @@ def _recommend(
 def _is_known(errors: np.ndarray) -> bool:
     """Return whether an estimator predicted every sample of a test, from its errors, shape (n,) [N m]."""
     return bool(len(errors) and np.isfinite(errors).all())
+
+
+def _find_known_tests(errors: Mapping[str, Sequence[np.ndarray]]) -> np.ndarray:
+    """Return the indices of the tests that all candidates predict, from their errors by name, shape (n,) each [N m]."""
+    return np.flatnonzero([all(map(_is_known, own)) for own in zip(*errors.values(), strict=True)])
 
 
 def _error_moments(each: Sequence[np.ndarray], weights: Sequence[np.ndarray], test: int) -> np.ndarray:
@@ -231,16 +235,16 @@ def find_extrapolator(found: Mapping[str, ConditionTestErrors]) -> str | None:
 def combine_tests(found: Mapping[str, ConditionTestErrors], chosen: Recommendation) -> ConditionTestErrors:
     """Return the test errors of what was recommended, from results of the same tests by name.
 
-    Each condition that gives the band is predicted by what the other conditions alone recommend.
+    Each condition that gives the band is predicted with the weights that the errors in the other conditions recommend.
     """
     first = next(iter(found.values()))
     errors = [chosen.predict({n: found[n].errors[i] for n in chosen.weights}) for i in range(len(first.errors))]
     left_out = {n: each.band_errors for n, each in found.items()}
-    count = len(first.band_errors)
-    known = sum(all(_is_known(own[i]) for own in left_out.values()) for i in range(count))
-    without = _recommend(left_out, first.band_weights, ()).jackknife if known > 1 else {}
+    known = _find_known_tests(left_out)
+    without = _recommend(left_out, first.band_weights, ()).jackknife if len(known) else {}
     band_errors = [
-        weighted_mean(without.get(i, chosen.weights), {n: own[i] for n, own in left_out.items()}) for i in range(count)
+        weighted_mean(without.get(i, chosen.weights), {n: own[i] for n, own in left_out.items()})
+        for i in range(len(first.band_errors))
     ]
     return _report_errors(
         first.words, errors, first.weights, first.shares, band_errors, first.band_weights, first.conditions

@@ -551,7 +551,8 @@ def _method_section(study: Study) -> Section:
         "recordings. Each of several recordings or repetitions is a test set once. With fewer than three, blocks of "
         "time are test sets, too. A candidate with nearly all of the weight is recommended alone. Muscles held by "
         "anatomy are recommended for recordings that are unlike all fitted ones. The 90 % prediction band is derived "
-        "from the errors in these recordings or repetitions, or in the thirds of a single recording. The others "
-        "alone fit the estimators and choose their weights, so that the band also carries the choice."
+        "from the errors in these recordings or repetitions, or in the thirds of a single recording. The estimators "
+        "are refitted to the others, and their weights follow from the errors in the others, so that the band includes "
+        "the cost of choosing weights. Features and settings are those that all fitted recordings chose."
     )
     return Section("emg_method", "How", (" ".join(paragraphs),), notes=study.notes)
