@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from ..._given import visible_text
 from ...study.procedures.audit import Audit, audit
 from ...study.procedures.procedure import Progress, quiet
 from ...study.procedures.registry import open_study
-from ...study.study import STUDY_FILE
+from ...study.study import STUDY_FILE, Study
 
 QUALITY_QUESTION = "May this EMG be used?"
 """Question of `pellucid emg quality`."""
@@ -42,10 +42,11 @@ def audit_emg(
         If no channel of EMG is found.
     """
     given = tuple(map(os.fspath, files))
-    stated = _stated_rates(given)
-    found = audit(
-        _recordings_of(given), rate=stated.pop() if rate is None and len(stated) == 1 else rate, on_progress=on_progress
-    )
+    studies = {path: open_study(path) for path in map(Path, given) if (path / STUDY_FILE).is_file()}
+    stated = _stated_rates(studies.values())
+    if rate is None and len(stated) == 1:
+        (rate,) = stated
+    found = audit(_recordings_of(map(Path, given), studies), rate=rate, on_progress=on_progress)
     verdicts = tuple(v for v in found.verdicts if v.holds.split(",")[0].split(" ")[0] == "emg")
     if not verdicts:
         names = ", ".join(v.channel for v in found.verdicts)
@@ -55,9 +56,9 @@ def audit_emg(
     return replace(found, files=files, verdicts=verdicts, paths=given, command="emg quality", question=QUALITY_QUESTION)
 
 
-def _stated_rates(files: Iterable[str | os.PathLike]) -> set[float]:
+def _stated_rates(studies: Iterable[Study]) -> set[float]:
     """Return the rates that studies state of recordings without a column of time [Hz]."""
-    configs = [open_study(path).config for path in map(Path, files) if (path / STUDY_FILE).is_file()]
+    configs = (study.config for study in studies)
     specs = [
         channels.get("time")
         for config in configs
@@ -66,12 +67,12 @@ def _stated_rates(files: Iterable[str | os.PathLike]) -> set[float]:
     return {spec.rate for spec in specs if spec is not None and spec.rate is not None}
 
 
-def _recordings_of(files: Iterable[str | os.PathLike]) -> list[Path]:
-    """Return the files that are named, and the files of the recordings of studies."""
+def _recordings_of(given: Iterable[Path], studies: Mapping[Path, Study]) -> list[Path]:
+    """Return the files that are named, and the files of the recordings of studies by their folder."""
     paths: list[Path] = []
-    for path in map(Path, files):
-        if (path / STUDY_FILE).is_file():
-            recordings = open_study(path).recordings()
+    for path in given:
+        if path in studies:
+            recordings = studies[path].recordings()
             paths += [each.path for each in recordings]
             paths += [s.path for each in recordings for s in each.streams.values()]
         else:
