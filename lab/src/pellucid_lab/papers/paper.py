@@ -140,13 +140,13 @@ class Paper(ABC):
         said = f"{listed}. " if claims else f"{counted} " if compared else ""
         about = self.printed
         read = Step(f"Read what {about.authors} cannot have meant in print, with a test for each: docs/errata.md")
-        failing = ", ".join(part.name for part in parts if part.verdict != "yes")
+        failing = ", ".join(part.name for part in parts if part.verdict != "yes") or "all of them"
         return answer_of_parts(
             "Do the claims of the paper hold on simulated data?",
             f"{self.opening} {said}{self.headline(figures)}".strip(),
             parts,
             basis=Basis(len(figures), len(figures), "figure", "simulated rigs and people", is_simulated=True),
-            improve=(Step(f"Test on recordings of your own what does not hold here: {failing or 'every claim'}"), read),
+            improve=(Step(f"Test the claims that do not hold here on your own recordings: {failing}"), read),
             next=(read,),
             without_parts="nothing of it is compared",
         )

@@ -4,9 +4,9 @@ An electrode that is stuck on anew, a cable in another socket or another gain ch
 changes nearly all of them. The torque of a map shows neither: the map goes on as if nothing had happened.
 
 Fitted trials may differ in speed and load. Floors and ranges are therefore kept for each fitted trial, and for each
-stretch of it of a few seconds. The ranges of all channels together tell which stretch
-a recording is most like, and its ranges are compared with that stretch. Floors may lie anywhere between the lowest and
-the highest fitted one. Every fitted trial therefore passes its own comparison.
+stretch of it of a few seconds. The ranges of all channels together tell which stretch a recording is most like, and its
+ranges are compared with that stretch. Floors may lie anywhere between the lowest and the highest fitted one. Every
+fitted trial therefore passes its own comparison.
 
 A channel's *floor* and *top* are two quantiles of its envelope, and its *range* is their difference. Its *pattern* is
 the envelope that a ridge regression predicts from joint angles and their rates.

@@ -52,12 +52,12 @@ from .emg_findings import EmgFinding, dropouts, emg_quality, envelope_words
 ENVELOPE_CAUSE = "an envelope, not raw EMG"
 """Cause of a missed onset where a channel is no raw EMG."""
 
-OTHER_CAUSE = "EMG unfit for onsets"
+OTHER_CAUSE = "EMG unsuitable for onset detection"
 """Cause of a missed onset where samples, rate or duration do not suffice."""
 
 
 class UnseenOnsetError(RecordingError):
-    """No onset can be told in a channel: its message, and its `cause` in few words."""
+    """No onset can be detected in a channel: the message, and its `cause` in few words."""
 
     def __init__(self, message: str, cause: str = OTHER_CAUSE) -> None:
         super().__init__(message)

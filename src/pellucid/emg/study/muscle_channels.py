@@ -212,7 +212,7 @@ def raw_emg_steps(enveloped: Mapping[str, int]) -> tuple[Step, ...]:
     named = ", ".join(
         f"{muscle.replace('_', ' ')} ({count} recording{'s' * (count > 1)})" for muscle, count in enveloped.items()
     )
-    return (Step(f"Record raw EMG: the channels of {named} are envelopes, which have lost the signal's own activity"),)
+    return (Step(f"Record raw EMG: the channels of {named} are envelopes, and filters for raw EMG spoil them"),)
 
 
 def name_channel(stream: Recording, muscle: str) -> str:

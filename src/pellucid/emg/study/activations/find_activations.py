@@ -172,7 +172,7 @@ def activations_answer(result: ActivationsResult) -> Answer:
         numbers,
         Basis(count, count, judged=f"{len(judged)} recordings that were not fitted"),
         improve=(
-            Step("Keep the electrode of every muscle: without it, the others and the torque do not tell its activation")
+            Step("Keep an electrode on every muscle: the other electrodes and the torque do not predict its activation")
             if parts
             else Step("Record the torque and EMG of three muscles or more of a joint"),
             Step("Record other loads and speeds, so that muscles of a joint are not always active together"),

@@ -179,7 +179,8 @@ def _headline(found: list[PairActivity]) -> str:
         values = [each.found.common.value for each in own if not each.enveloped]
         lacking = len(own) - len(values)
         if lacking:
-            sentences.append(f"the activity of {' and '.join(pair)} is not known in {lacking} of {len(own)} recordings")
+            where = f"in {lacking} of {len(own)} recordings"
+            sentences.append(f"the co-contraction of {' and '.join(pair)} is not known {where}")
         if not values:
             continue
         span = f"{values[0]:.0f}" if len(values) == 1 else f"{min(values):.0f} to {max(values):.0f}"

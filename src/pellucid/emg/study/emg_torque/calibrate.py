@@ -366,11 +366,11 @@ def _export_steps(result: CalibrationResult) -> tuple[Step, ...]:
         scores = result.live[name]
         figures = " and ".join(f"{s.r2:.3f} on {recording_words(where)}" for where, s in scores.items())
         low = min(s.r2 for s in scores.values()) < MIN_TORQUE_R2
-        less = f", less than the {MIN_TORQUE_R2:g} asked" if low else ""
+        less = f", less than the required {MIN_TORQUE_R2:g}" if low else ""
         words = named_family(name.rpartition("_")[2]).description
         steps.append(Step(
             f"Export the causal estimator of {each.what} ({words}): R² {figures}{less}; "
-            f"{each.judged[0].score.r2:.3f} is of {each.brief}, which runs offline only",
+            f"R² {each.judged[0].score.r2:.3f} belongs to {each.brief}, which runs offline only",
             "export", ("--card", f"{name}.json"),
         ))  # fmt: skip
     return tuple(steps[:MAX_IMPROVING_STEPS]) or (PAPER_STEP,)

@@ -199,7 +199,7 @@ def onset_answer(result: OnsetResult) -> Answer:
     count = len(result.muscles) + len(result.missed)
     good = len(result.muscles) - len(unseen)
     enveloped = Counter(each.muscle for each in result.missed if each.cause == ENVELOPE_CAUSE)
-    lacking = [(each, "no beginning of activity") for each in unseen] + [(each, each.cause) for each in result.missed]
+    lacking = [(each, "no onset detected") for each in unseen] + [(each, each.cause) for each in result.missed]
     parts = [AnswerPart(f"{each.muscle} in {each.recording}", "no", cause) for each, cause in lacking]
     said = result.headline
     if parts:
@@ -217,8 +217,8 @@ def onset_answer(result: OnsetResult) -> Answer:
 
 
 REST_STEP = Step(
-    "Record rest before each effort and at least half a second of it, with the electrodes of the muscles named below "
-    "attached again; or state the rest as `rest = [start, end]` in [onset]"
+    "Record at least half a second of rest before each effort, and attach the electrodes of the muscles named below "
+    "again; or state the rest as `rest = [start, end]` in [onset]"
 )
 """Next step where a muscle's onset was not found."""
 

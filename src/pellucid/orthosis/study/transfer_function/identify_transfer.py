@@ -252,7 +252,7 @@ def _improving(found: TransferResult, poor: Sequence[str]) -> tuple[Step, ...]:
         cut = [f"{name}: {note}" for name in lacking for note in found.notes.get(name, ())]
         steps.append(Step(
             f"Look at {_listed(lacking)} first: {len(sound)} of {len(found.heldout)} recordings fit with the same "
-            f"order, up to {best:.0f} %. Search them for outliers, changed settings and other inputs"
+            f"order, up to {best:.0f} %. Search those that do not fit for outliers, changed settings and other inputs"
             f"{f' (excluded so far: {_listed(cut)})' if cut else ''}, and record them again"
         ))  # fmt: skip
     elif lacking:
@@ -262,7 +262,8 @@ def _improving(found: TransferResult, poor: Sequence[str]) -> tuple[Step, ...]:
         ))  # fmt: skip
     if dropped:
         steps.append(Step(
-            f"Excite {_listed(dropped)} alike throughout and for longer: the last third differs from the rest"
+            f"Record {_listed(dropped)} longer and with the same excitation throughout: the last "
+            f"{percent(100.0 * TRANSFER_THRESHOLDS.held_out_share)} % differs from the rest"
         ))  # fmt: skip
     if found.refused or not poor:
         names = _listed([*found.refused, *found.unevaluated] or list(found.fits))
