@@ -272,6 +272,8 @@ def test_a_weighted_mean_is_evaluated_on_every_recording_that_is_like_the_fitted
     assert judged["like"].score.rmse == pytest.approx(np.sqrt(np.mean((made - traces[0].reference) ** 2)))
     assert judged["like"].score.rmse < 0.85
     assert STACKED not in traces[1].predicted
+    # The band of fitted movements does not hold for a recording that is unlike them.
+    assert [set(trace.half_width) for trace in traces] == [{STACKED}, set()]
     assert "on recordings unlike the fitted ones by muscles of Hill's type" in chosen.words
 
 

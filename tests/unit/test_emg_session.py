@@ -42,20 +42,42 @@ def test_what_was_fitted_passes_the_comparison_with_itself(paces, seed):
         assert found.is_valid
 
 
+def stretches(trial):
+    """Parts of a trial of 5 to 6 s, one every second."""
+    for end in range(500, len(trial) + 1, 100):
+        part = slice(max(0, end - 600), end)
+        envelopes = {m: x[part] for m, x in trial.envelopes.items()}
+        angles = {j: q[part] for j, q in trial.angles.items()}
+        yield replace(trial, time=trial.time[part], torque=trial.torque[part], envelopes=envelopes, angles=angles)
+
+
 @pytest.mark.parametrize("paces", PACES, ids=str)
 def test_every_stretch_of_what_was_fitted_passes_the_comparison(paces):
     trials = at_paces(paces, seed=5)
     own = FittedSession.from_trials(trials)
     for trial in trials:
-        for end in range(500, len(trial) + 1, 100):
-            part = slice(max(0, end - 600), end)
-            envelopes = {m: x[part] for m, x in trial.envelopes.items()}
-            angles = {j: q[part] for j, q in trial.angles.items()}
-            stretch = replace(
-                trial, time=trial.time[part], torque=trial.torque[part], envelopes=envelopes, angles=angles
-            )
+        for stretch in stretches(trial):
             found = own.compare(stretch)
             assert (found.changes, found.is_valid) == ((), True)
+
+
+@pytest.mark.parametrize("paces", PACES[1:], ids=str)
+def test_every_stretch_of_a_trial_that_changes_its_pace_passes_the_comparison(paces):
+    """The ranges of the whole trial are those of neither pace."""
+    trials = at_paces(paces, seed=5)
+
+    def joined(each):
+        return {name: np.concatenate([each(t)[name] for t in trials]) for name in each(trials[0])}
+
+    torque = np.concatenate([t.torque for t in trials])
+    trial = replace(
+        trials[0], time=np.arange(len(torque)) / trials[0].fs, torque=torque, envelopes=joined(lambda t: t.envelopes),
+        angles=joined(lambda t: t.angles),
+    )  # fmt: skip
+    own = FittedSession.from_trials([trial])
+    for stretch in stretches(trial):
+        found = own.compare(stretch)
+        assert (found.changes, found.is_valid) == ((), True)
 
 
 @pytest.mark.parametrize("pace", [0.7, 0.9, 1.1])
