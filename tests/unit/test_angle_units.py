@@ -111,6 +111,14 @@ def test_the_answer_counts_takes_counts_of_a_turn(tmp_path):
         proposed(path, position_unit="cubits")
 
 
+@pytest.mark.parametrize(("unit", "motion"), [("um", "prismatic"), ("mm", "prismatic"), ("rad", "rotary")])
+def test_an_answer_in_a_unit_of_length_makes_the_joint_prismatic(tmp_path, unit, motion):
+    """An answer in micrometres made a rotary joint."""
+    path = written(tmp_path, "rad", *joint(1.0, gravity=0.0))
+    proposal, role = proposed(path, position_unit=unit)
+    assert (proposal.motion, role.unit) == (motion, unit)
+
+
 def test_a_speed_follows_from_the_answer_by_the_ratio_of_both(tmp_path):
     t, q, tau = joint(1.5, gravity=0.0)
     path = written(tmp_path, "deg", t, q, tau, np.gradient(q, t))

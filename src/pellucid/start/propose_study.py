@@ -34,6 +34,7 @@ from .given_files import GivenFiles, GivenTable, trial_key
 from .inference.angle_units import ANGLE_LIMITS, MAX_RADIAN_RANGE
 from .inference.assign_roles import (
     DRIVE_QUANTITIES,
+    LENGTH_UNITS,
     ROLE_LIMITS,
     ColumnRole,
     TableHints,
@@ -1751,7 +1752,7 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
         drive = "torque"
     if "position_unit" in answers:
         unit = _position_answer(answers["position_unit"])
-        motion = "prismatic" if unit in ("m", "mm", "cm") else "rotary"
+        motion = "prismatic" if unit in LENGTH_UNITS else "rotary"
         gravity = None if motion == "prismatic" else gravity or "sine+cosine"
         places = ("position", "reference", "angle", "motor_position")
         main = main.with_changes(lambda r: r.quantity in places and not r.unit_is_certain, **_said_unit(unit))
