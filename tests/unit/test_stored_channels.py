@@ -54,7 +54,10 @@ def test_versions_share_what_is_stored(store):
     joined = replace(apart, channels={**apart.channels, "more": Channel("more", np.ones(COUNT), "1", "more")})
     both = store.keep(apart, joined)
     assert both[0].channels["position"] is both[1].channels["position"]
+    assert both[0].optical is both[1].optical
+    stored = store._end
     assert store.keep(apart, apart)[0] is not apart
+    assert store._end - stored == 8 * COUNT * (2 + 3)  # two channels, and three axes of a marker
     assert len({id(each) for each in store.keep(apart, apart)}) == 1
 
 

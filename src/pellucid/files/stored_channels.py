@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from tempfile import TemporaryFile
-from typing import IO
+from typing import IO, Any
 from weakref import finalize
 
 import numpy as np
@@ -81,7 +81,8 @@ class ChannelStore:
         self._held = 0
         self._file: IO[bytes] | None = None
         self._end = 0
-        self._stored: dict[int, tuple[Channel, Channel]] = {}
+        # What was stored is remembered by its id, with itself, so that the id is not given to another one.
+        self._stored: dict[int, tuple[Any, Any]] = {}
 
     def keep(self, *versions: Recording) -> tuple[Recording, ...]:
         """Return versions of one recording, which may share channels, with their samples in memory or stored."""
@@ -89,9 +90,9 @@ class ChannelStore:
         if self._held + sum(sizes.values()) <= MAX_HELD_BYTES:
             self._held += sum(sizes.values())
             return versions
-        made: dict[int, Recording] = {}
         try:
-            return tuple(made.setdefault(id(each), self._with_stored(each)) for each in versions)
+            made = {key: self._with_stored(each) for key, each in {id(each): each for each in versions}.items()}
+            return tuple(made[id(each)] for each in versions)
         except OSError:  # the folder of temporary files cannot be written, or is full
             return versions
         finally:
@@ -130,10 +131,12 @@ class ChannelStore:
     def _with_stored_markers(self, optical: OpticalRecording) -> OpticalRecording:
         if isinstance(optical.markers, StoredArrays) or not _are_long(optical.markers.values()):
             return optical
-        stored = object.__new__(OpticalRecording)
-        markers = StoredArrays({name: self._write(samples) for name, samples in optical.markers.items()})
-        stored.__dict__.update({**optical.__dict__, "markers": markers})
-        return stored
+        if id(optical) not in self._stored:
+            stored = object.__new__(OpticalRecording)
+            markers = StoredArrays({name: self._write(samples) for name, samples in optical.markers.items()})
+            stored.__dict__.update({**optical.__dict__, "markers": markers})
+            self._stored[id(optical)] = optical, stored
+        return self._stored[id(optical)][1]
 
     def _store(self, channel: Channel) -> Channel:
         if isinstance(channel, StoredChannel) or not _are_long((channel.samples,)):
@@ -142,7 +145,6 @@ class ChannelStore:
             stored = object.__new__(StoredChannel)
             array = self._write(channel.samples)
             stored.__dict__.update(name=channel.name, unit=channel.unit, column=channel.column, _array=array)
-            # The channel itself is remembered, too, so that its id is not given to another one.
             self._stored[id(channel)] = channel, stored
         return self._stored[id(channel)][1]
 
