@@ -232,6 +232,16 @@ class LogChannel:
         """The few values that the channel takes; None if it takes more."""
         return constant.few_levels([self.samples])
 
+    @property
+    def is_constant(self) -> bool:
+        """Whether it has one value, or none."""
+        return self.levels is not None and self.levels.size <= 1
+
+    @property
+    def is_measurement(self) -> bool:
+        """Whether a sensor of a machine or of a person measures it."""
+        return self.quantity.can_be_measured and self.quantity.kind not in SETTING_QUANTITIES
+
     @cached_property
     def spread(self) -> float:
         """Width that holds 98 % of the values."""
@@ -369,33 +379,16 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
         return (*found, LogFinding("short", log.time or "time", text, NOTE_LEVEL))
     longest = max((len(c.samples) for c in channels.values()), default=0)
     table = {n: c for n, c in channels.items() if len(c.samples) == longest}
-    # Garbage is a matter of rows, so that only columns of one length are examined together.
-    others = {n: c.samples for n, c in table.items() if n != log.time and c.quantity.kind != "time"}
-    rows = garbage.find_garbage(table[log.time].samples if log.time in table else None, others)
-    if rows is not None:
-        kept = rows.between(longest)
-        excluded = longest - (kept.stop - kept.start)
-        text = f"{rows.where} of {longest} rows are garbage: {rows.cause}; {LEFT_OUT_WORDS}"
-        where = log.time or "time"
-        found.append(LogFinding(garbage.KIND, where, text, REPAIRED_LEVEL, 0, rows.head - 1, excluded=excluded))
-        table = {n: replace(c, samples=c.samples[kept]) for n, c in table.items()}
-        channels |= table
-        longest = kept.stop - kept.start
-    zeroed = garbage.zeroed_rows({n: c.samples for n, c in table.items()})
-    if zeroed.any():
-        text = f"{garbage.zeroed_text(zeroed)}; {LEFT_OUT_WORDS}"
-        found.append(LogFinding(garbage.KIND, log.time or "time", text, REPAIRED_LEVEL, excluded=int(zeroed.sum())))
-        table = {n: replace(c, samples=c.samples[~zeroed]) for n, c in table.items()}
-        channels |= table
-        longest = int(np.sum(~zeroed))
-    repeated = _repeated_packets(log, table)
-    if repeated.any():
-        count = int(repeated.sum())
-        text = f"{count} repeated packets ({count} of {longest} rows); {LEFT_OUT_WORDS}"
-        found.append(LogFinding("repeated", log.time, text, REPAIRED_LEVEL, size=count / longest, excluded=count))
-        table = {n: replace(c, samples=c.samples[~repeated]) for n, c in table.items()}
-        channels |= table
-        longest -= count
+    # Rows are excluded as by reading, and in the same order.
+    for find in (_garbage_rows, _zeroed_rows, _repeated_packets):
+        told = find(log, table)
+        if told is not None:
+            rows, finding = told
+            text, excluded = f"{finding.found}; {LEFT_OUT_WORDS}", int(rows.sum())
+            found.append(replace(finding, found=text, level=REPAIRED_LEVEL, excluded=excluded))
+            table = {n: replace(c, samples=c.samples[~rows]) for n, c in table.items()}
+            channels |= table
+            longest -= excluded
     found += _time_findings(log, channels)
     moving = {n: c for n, c in channels.items() if c.quantity.kind != "time" and n != log.time}
     repeats = _repeated_rows([c.samples for c in moving.values() if len(c.samples) == longest])
@@ -418,12 +411,38 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     return tuple(found)
 
 
-def _repeated_packets(log: Log, table: Mapping[str, LogChannel]) -> np.ndarray:
-    """Return a mask of the rows of a table that reading leaves out because they repeat the packet before."""
-    beside = {n: c.samples for n, c in table.items() if c.quantity.kind != "time" and n != log.time}
+def _garbage_rows(log: Log, table: Mapping[str, LogChannel]) -> tuple[np.ndarray, LogFinding] | None:
+    """Return a mask of the rows of garbage at both ends of a table, with their finding; None without any.
+
+    Garbage is a matter of rows, so that only columns of one length are examined together.
+    """
+    others = {n: c.samples for n, c in table.items() if n != log.time and c.quantity.kind != "time"}
+    found = garbage.find_garbage(table[log.time].samples if log.time in table else None, others)
+    if found is None:
+        return None
+    count = max(len(c.samples) for c in table.values())
+    rows = np.ones(count, bool)
+    rows[found.between(count)] = False
+    text = f"{found.where} of {count} rows are garbage: {found.cause}"
+    return rows, LogFinding(garbage.KIND, log.time or "time", text, first=0, last=found.head - 1)
+
+
+def _zeroed_rows(log: Log, table: Mapping[str, LogChannel]) -> tuple[np.ndarray, LogFinding] | None:
+    """Return a mask of the rows of packets that were filled with zeros, with their finding; None without any."""
+    rows = garbage.zeroed_rows({n: c.samples for n, c in table.items()})
+    return (rows, LogFinding(garbage.KIND, log.time or "time", garbage.zeroed_text(rows))) if rows.any() else None
+
+
+def _repeated_packets(log: Log, table: Mapping[str, LogChannel]) -> tuple[np.ndarray, LogFinding] | None:
+    """Return a mask of the rows that repeat the packet before, with their finding; None without any."""
     if log.time not in table:
-        return np.zeros(max((len(c.samples) for c in table.values()), default=0), bool)
-    return ~first_deliveries(table[log.time].samples, beside)
+        return None
+    beside = {n: c.samples for n, c in table.items() if c.quantity.kind != "time" and n != log.time}
+    rows = ~first_deliveries(table[log.time].samples, beside)
+    if not rows.any():
+        return None
+    text = f"{int(rows.sum())} repeated packets ({int(rows.sum())} of {len(rows)} rows)"
+    return rows, LogFinding("repeated", log.time, text, size=float(np.mean(rows)))
 
 
 def _repeated_rows(columns: Sequence[np.ndarray]) -> np.ndarray:
@@ -529,9 +548,9 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
         else:
             yield LogFinding(missing.KIND, name, f"{many}; {LEFT_OUT_WORDS}", REPAIRED_LEVEL, first)
     levels = channel.levels
-    measures = quantity.kind not in SETTING_QUANTITIES and quantity.role in ("", "measured")
-    if levels is not None and levels.size <= 1:
-        value = float(levels[0]) if levels.size else 0.0
+    measures = channel.is_measurement
+    if channel.is_constant:
+        value = float(levels[0]) if levels is not None and levels.size else 0.0
         text, why = f"the one value {value:z.6g}{unit} in every row", _why_constant(channel, others)
         if why:
             yield LogFinding("constant", name, f"{text}: {why}", NOTE_LEVEL, size=value)
@@ -580,13 +599,12 @@ def _why_constant(channel: LogChannel, others: Mapping[str, LogChannel]) -> str:
     quantity = channel.quantity
     if is_setting(channel.name):
         return "a setting"
-    measures = quantity.kind not in SETTING_QUANTITIES and quantity.role in ("", "measured")
-    if not measures or quantity.kind in STEADY_QUANTITIES or not _something_moves(channel, others):
+    if not channel.is_measurement or quantity.kind in STEADY_QUANTITIES or not _something_moves(channel, others):
         return "a setting, or not connected"
-    own = [c for c in others.values() if c.joint == channel.joint and c.quantity.role in ("", "measured")]
+    own = [c for c in others.values() if c.joint == channel.joint and c.quantity.can_be_measured]
     if quantity.kind == "voltage" and any(c.quantity.kind in EFFORT_QUANTITIES and c.levels is None for c in own):
         return "a supply, in addition to the effort of the same drive"
-    is_joint_still = all(c.levels is not None and c.levels.size <= 1 for c in own if c.quantity.kind != "")
+    is_joint_still = all(c.is_constant for c in own if c.quantity.kind != "")
     if channel.joint and is_joint_still and len({c.quantity.kind for c in own}) > 2:
         return "no channel of this joint changes: it was at rest, or not connected"
     return ""
@@ -594,9 +612,9 @@ def _why_constant(channel: LogChannel, others: Mapping[str, LogChannel]) -> str:
 
 def _switched_levels(channel: LogChannel) -> np.ndarray | None:
     """Return the few values between which a channel is switched, each kept for long; None for any other channel."""
-    x = channel.samples[np.isfinite(channel.samples)]
     if channel.quantity.kind not in SWITCHED_QUANTITIES:
         return None
+    x = channel.samples[np.isfinite(channel.samples)]
     # A few hundred samples are enough to tell that most channels take many values.
     if np.unique(x[:: max(1, len(x) // 300)]).size > LOG_LIMITS.max_switched_levels:
         return None
@@ -650,7 +668,7 @@ def _moves_with(channel: LogChannel, other: LogChannel, first: int, last: int) -
 
 def _frozen_findings(channels: Mapping[str, LogChannel]) -> Iterator[LogFinding]:
     """Yield positions that repeat one value while their joint must have moved, by the effort of the same joint."""
-    positions = [c for c in channels.values() if c.quantity.kind == "position" and c.quantity.role in ("", "measured")]
+    positions = [c for c in channels.values() if c.quantity.kind == "position" and c.quantity.can_be_measured]
     efforts: dict[tuple[str, int], LogChannel] = {}
     commands: dict[str, LogChannel] = {}
     for c in channels.values():
@@ -756,8 +774,7 @@ def _told_from_clipping(
     told = []
     for finding in found:
         own = channels.get(finding.channel)
-        is_measured = own is not None and own.quantity.role in ("", "measured")
-        if finding.kind == limited.KIND and own is not None and is_measured and rate > 0.0:
+        if finding.kind == limited.KIND and own is not None and own.quantity.can_be_measured and rate > 0.0:
             alike = [q for q in positions if len(q) == len(own.samples)]
             ends = sensor_range.sensor_ends(own.samples, alike, rate) if alike else ()
             if ends:

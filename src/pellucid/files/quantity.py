@@ -56,6 +56,11 @@ class Quantity:
     unit: str
     factor: float = 1.0
 
+    @property
+    def can_be_measured(self) -> bool:
+        """Whether the name does not say that the column was commanded or computed."""
+        return self.role in ("", "measured")
+
 
 def quantity_of(name: str, unit: str = "") -> Quantity:
     """Return what a column with this name, and the unit that the file states for it, probably holds.
