@@ -1208,7 +1208,7 @@ def _decoded(table: GivenTable, role: ColumnRole) -> np.ndarray:
 
 def _in_unit(table: GivenTable, role: ColumnRole) -> np.ndarray:
     """Return a position's numbers in the unit of its role, without jumps."""
-    scale = 1.0 if role.unit == "counts" else float(str(role.keys.get("scale", 1.0)))
+    scale = 1.0 if role.unit == "counts" else role.scale
     return scale * _decoded(table, role)
 
 
@@ -1259,7 +1259,7 @@ def _with_rated_efforts(layout: Layout, facts: Mapping[str, FileFact]) -> Layout
             # Drives call their torque a load; of a force, a share is none of a sensor's units.
             quantity = "torque"
             role = replace(role, quantity=(role.quantity or "").replace("force", "torque"))
-        share = SHARES_OF_RATED[role.unit] * float(str(role.keys.get("scale", 1.0)))
+        share = SHARES_OF_RATED[role.unit] * role.scale
         fact = facts.get(f"rated_{quantity}")
         if fact is not None:
             keys = {**role.keys, "scale": share * fact.value}
@@ -1342,7 +1342,7 @@ def _with_lever_arm(layout: Layout, lever: float) -> Layout:
     def turned(role: ColumnRole) -> ColumnRole:
         if role.quantity not in ("force", "desired_force"):
             return role
-        scale = float(str(role.keys.get("scale", 1.0))) * to_si_factor(role.unit, "N")[0] * lever
+        scale = role.scale * to_si_factor(role.unit, "N")[0] * lever
         said = {**_said_unit("N*m"), "unit_why": f"a force at {lever:g} m from the axis"}
         quantity = role.quantity.replace("force", "torque")
         return replace(role, quantity=quantity, keys={**role.keys, "scale": scale}, **said)
@@ -1354,7 +1354,7 @@ def _steady_supply(layout: Layout) -> FileFact | None:
     """Return the supply voltage that a column without any change holds; None if there is none."""
     for role in layout.roles.steady:
         if role.quantity == "supply":
-            value = float(np.nanmean(layout.tables[0].columns[role.column])) * float(str(role.keys.get("scale", 1.0)))
+            value = float(np.nanmean(layout.tables[0].columns[role.column])) * role.scale
             volts = value * to_si_factor(role.unit, "V")[0]
             if volts > 0.0:
                 return FileFact(float(f"{volts:.6g}"), "V", f'"{role.column}"')
@@ -1513,7 +1513,7 @@ def _with_gear(main: Layout, gear: FoundGear | None, answers: Mapping[str, str],
 
 def _scaled(role: ColumnRole, factor: float, why: str) -> ColumnRole:
     """Return a role of which one number is `factor` times as much as it was, and why."""
-    keys = {**role.keys, "scale": factor * float(str(role.keys.get("scale", 1.0)))}
+    keys = {**role.keys, "scale": factor * role.scale}
     return replace(role, keys=keys, why=f"{role.why}; {why}")
 
 
@@ -1552,7 +1552,7 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             yield Question(
                 "effort",
                 f'Which quantity does the column "{role.column}" hold, and in which unit?',
-                f"{role.quantity} in {_scale_text(role)}{role.unit}",
+                f"{role.quantity} in {_scaled_unit(role)}",
                 f"whether results are torques ({role.why})",
                 ("torque in N*m", "current in A", "voltage in V", "duty in 1", "force in N"),
             )
@@ -1823,27 +1823,28 @@ def _with_drive_constants(main: Layout, answer: str, drive: str | None, motion: 
     def turned(role: ColumnRole) -> ColumnRole:
         if role.column not in sizes:
             return role
-        size = sizes[role.column] * to_si_factor(role.unit, si[-1])[0] * float(str(role.keys.get("scale", 1.0)))
+        size = sizes[role.column] * to_si_factor(role.unit, si[-1])[0] * role.scale
         said = {**_said_unit("N*m" if motion == "rotary" else "N"), "keys": {**role.keys, "scale": size}}
         return replace(role, quantity="torque" if motion == "rotary" else "force", is_certain=True, **said)
 
     return main.with_each(turned)
 
 
-def _scale_text(role: ColumnRole) -> str:
-    """Return how many of its unit one stored number of a channel is, before the unit; "" for one."""
-    scale = float(str(role.keys.get("scale", 1.0)))
-    return "" if scale == 1.0 else f"{np.format_float_positional(scale, precision=6, fractional=False, trim='-')} "
+def _scaled_unit(role: ColumnRole) -> str:
+    """Return the unit of a channel with how many of it one stored number is, as an answer states it: 0.00269 A."""
+    if role.scale == 1.0:
+        return role.unit
+    return f"{np.format_float_positional(role.scale, precision=6, fractional=False, trim='-')} {role.unit}"
 
 
 def scale_reading(proposal: Proposal) -> str:
     """Return how the stored numbers of the driving effort were read, to follow a text; "" where they are the unit."""
     found = _main_effort([proposal.main, *proposal.streams], proposal.drive) if proposal.drive else None
-    if found is None or not _scale_text(found[1]):
+    if found is None or found[1].scale == 1.0:
         return ""
     role = found[1]
     why = f" ({role.unit_why})" if role.unit_why else ""
-    return f'; one count of "{role.column}" is already read as {_scale_text(role)}{role.unit}{why}'
+    return f'; one count of "{role.column}" is already read as {_scaled_unit(role)}{why}'
 
 
 def _effort_answer(answer: str) -> tuple[str, str, dict[str, float]]:

@@ -241,7 +241,7 @@ def _position_scale(role: ColumnRole, proposal: Proposal) -> float:
     """Return the SI value of a position's unit [rad; m]."""
     if role.unit == "counts":
         return 2.0 * math.pi / float(str(role.keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)))
-    scale = float(str(role.keys.get("scale", 1.0)))
+    scale = role.scale
     turns = proposal.motor_turns if role.quantity == "motor_position" else 1.0
     return scale * to_si_factor(role.unit, None)[0] / turns
 
@@ -424,7 +424,7 @@ def _at_joint(role: ColumnRole, proposal: Proposal) -> ColumnRole:
         return role
     if "position" in quantities:
         return role
-    scale = float(str(role.keys.get("scale", 1.0))) / proposal.motor_turns
+    scale = role.scale / proposal.motor_turns
     keys = {**role.keys, "scale": scale} if scale != 1.0 else role.keys
     return replace(role, quantity=moves[role.quantity], keys=keys)
 

@@ -45,8 +45,7 @@ def _columns(layout: Layout) -> list[str]:
 
 def _scaled_unit(role: ColumnRole) -> str:
     """Return the unit of a column's numbers with how many of it one number is, as in "0.01 deg"."""
-    scale = role.keys.get("scale", 1.0)
-    return role.unit if scale == 1.0 else f"{float(str(scale)):.4g} {role.unit}"
+    return role.unit if role.scale == 1.0 else f"{role.scale:.4g} {role.unit}"
 
 
 def try_table(tried: TriedLog) -> dict[str, Any]:

@@ -155,6 +155,11 @@ class ColumnRole:
         return self.quantity is not None and not (self.is_certain and self.unit_is_certain)
 
     @property
+    def scale(self) -> float:
+        """How many of its unit one stored number is."""
+        return float(str(self.keys.get("scale", 1.0)))
+
+    @property
     def is_length(self) -> bool:
         """Whether its unit is one of lengths."""
         return self.unit in LENGTH_UNITS

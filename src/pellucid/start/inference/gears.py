@@ -67,5 +67,5 @@ def _speed_ratio(of: ColumnRole, by: ColumnRole, ratio: float) -> float | None:
         units = to_si_factor(by.unit, None)[0] / to_si_factor(of.unit, None)[0]
     except ValueError:
         return None
-    scales = float(str(by.keys.get("scale", 1.0))) / float(str(of.keys.get("scale", 1.0)))
+    scales = by.scale / of.scale
     return ratio * units * scales
