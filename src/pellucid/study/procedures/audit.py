@@ -14,7 +14,17 @@ from ..._errors import PellucidError, RecordingError
 from ..._given import visible_text
 from ..._printed_command import printed_command
 from ...files.defects import echoed, garbage, held
-from ...files.log import ALARM_LEVEL, LEVELS, REPAIRED_LEVEL, VERDICT_WORDS, Log, LogFinding, inspect_log, log_of
+from ...files.log import (
+    ALARM_LEVEL,
+    LEVELS,
+    REPAIRED_LEVEL,
+    SOUND_LEVEL,
+    VERDICT_WORDS,
+    Log,
+    LogFinding,
+    inspect_log,
+    log_of,
+)
 from ...files.quantity import EFFORT_QUANTITIES
 from ...files.readers.read import describes_files, read_columns, readers_by_ending
 from ...numerics.arguments import with_checked_arguments
@@ -307,8 +317,8 @@ def audit(
     ...     {verdict.channel: verdict.verdict for verdict in pl.audit(path).verdicts}
     {'t [s]': 'sound', 'angle [rad]': 'sound', 'torque [N*m]': 'dead'}
     """
-    files = files if isinstance(files, (str, os.PathLike)) else tuple(files)
-    paths = _paths_of(files)
+    given = [files] if isinstance(files, (str, os.PathLike)) else list(files)
+    paths = _paths_of(given)
     names = _short_names(paths)
     audited = []
     sizes = [path.stat().st_size if path.is_file() else 0 for path in paths]
@@ -324,9 +334,8 @@ def audit(
     if all(file.unread for file in audited):
         raise RecordingError("\n".join(file.unread for file in audited))
     audited = _with_findings_of_all(audited)
-    given = [files] if isinstance(files, (str, os.PathLike)) else list(files)
     options = () if rate is None else ("--rate", f"{rate:g}")
-    return Audit(tuple(audited), tuple(_verdicts(audited)), tuple(os.fspath(each) for each in given), options)
+    return Audit(tuple(audited), tuple(_verdicts(audited)), tuple(map(os.fspath, given)), options)
 
 
 def _with_findings_of_all(files: Sequence[AuditedFile]) -> list[AuditedFile]:
@@ -350,9 +359,8 @@ def _log_findings(log: Log) -> tuple[LogFinding, ...]:
     return (*(f for f in general if f.channel not in known or f.kind in CHANNEL_FREE_KINDS), *by_domain)
 
 
-def _paths_of(files: str | os.PathLike | Iterable[str | os.PathLike]) -> list[Path]:
+def _paths_of(given: Iterable[str | os.PathLike]) -> list[Path]:
     """Return the files that are named, and those in the folders that are named."""
-    given = [files] if isinstance(files, (str, os.PathLike)) else list(files)
     endings, paths = readers_by_ending(), []
     for path in map(Path, given):
         if path.is_dir():
@@ -408,7 +416,7 @@ def _verdict_on(
     for kind in kinds:
         text = _sentence([(file, finding) for file, finding in found if finding.kind == kind], files)
         said.append((_level(found, kind), text))
-    verdict, level = (VERDICT_WORDS[kinds[0]], said[0][0]) if kinds else (SOUND_VERDICT, SOUND_VERDICT)
+    verdict, level = (VERDICT_WORDS[kinds[0]], said[0][0]) if kinds else (SOUND_VERDICT, SOUND_LEVEL)
     shown = tuple((file.name, finding) for file, finding in found)
     return ChannelVerdict(visible_text(channel), holds, verdict, level, tuple(said), shown)
 
