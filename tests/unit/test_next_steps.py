@@ -48,9 +48,9 @@ def test_only_analyses_without_a_result_are_named(monkeypatch):
     monkeypatch.setattr(module, "asked", lambda study: procedures)
     monkeypatch.setattr(Result, "kept", lambda study, each: object() if each.name == "cocontraction" else None)
     found = SimpleNamespace(command="force")
-    assert module._without_result(None, found, ()) == ["synergies", "onset"]
-    assert module._without_result(None, found, ("onset", "synergies")) == []
-    assert module._without_result(None, SimpleNamespace(command="other"), ()) == []
+    assert list(module._without_result(None, found, ())) == ["synergies", "onset"]
+    assert list(module._without_result(None, found, ("onset", "synergies"))) == []
+    assert list(module._without_result(None, SimpleNamespace(command="other"), ())) == []
 
 
 def test_a_page_does_not_name_other_analyses_twice():
@@ -136,7 +136,6 @@ def test_a_transfer_function_names_the_recordings_that_it_does_not_predict():
     assert "slow" in texts[0]
     assert "late" not in texts[0]
     assert "late" in texts[1]
-
 
     # It advised more poles for a recording whose repeats fitted to 96 % with the same order.
     held |= {name: SimpleNamespace(fit=96.0) for name in "abc"}

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import replace
-from itertools import takewhile
+from itertools import islice, takewhile
 
 import numpy as np
 
@@ -124,7 +124,7 @@ def _steps(study: Study, found: Result, answer: Answer, beside: Collection[str])
         advice = worst.do.rstrip(".") or "Correct the first finding below"
         return (Step(f"{advice}; then check the recordings", "check"),)
     steps = list(answer.next)
-    further = [Step(FURTHER_TEXT, typed_command(each)) for each in _without_result(study, found, beside)[:1]]
+    further = [Step(FURTHER_TEXT, typed_command(each)) for each in islice(_without_result(study, found, beside), 1)]
     # What to record comes before everything that uses the result.
     first = [*takewhile(lambda step: not step.command, steps)] if answer.verdict == "yes" else steps
     scales = ", ".join(each.subject for each in answer.assumed if each.is_scale)
@@ -135,13 +135,16 @@ def _steps(study: Study, found: Result, answer: Answer, beside: Collection[str])
     return (*first, *further, REPORT_STEP, *steps[len(first) :])
 
 
-def _without_result(study: Study, found: Result, beside: Collection[str]) -> list[str]:
-    """Return the commands that the study asks for and that have no result yet, those after this result's first."""
+def _without_result(study: Study, found: Result, beside: Collection[str]) -> Iterator[str]:
+    """Yield the commands that the study asks for and that have no result yet, those after this result's first.
+
+    They are found one by one, because each kept result is read whole.
+    """
     procedures = asked(study)
     own = next((i for i, each in enumerate(procedures) if each.command == found.command), None)
     if own is None:  # a plug-in's procedure may stand beside those that the study asks for
-        return []
+        return
     others = [each for each in (*procedures[own:], *procedures[:own]) if each.command != found.command]
-    return list(dict.fromkeys(
-        each.command for each in others if each.name not in beside and Result.kept(study, each) is None
-    ))  # fmt: skip
+    for each in others:
+        if each.name not in beside and Result.kept(study, each) is None:
+            yield each.command

@@ -135,9 +135,9 @@ def run(
         raise PellucidError(f"run: found options of {', '.join(sorted(unknown))}, expected those of procedures by name")
     tell, procedures, found = on_progress or quiet, _required(study, name), []
     steps = CostedSteps(tell, {procedure.name: procedure.cost for procedure in procedures})
+    names = [procedure.name for procedure in procedures]
     for procedure in procedures:
-        own = options.get(procedure.name, {})
-        found.append(_run(procedure, study, steps.part(procedure.name), [each.name for each in procedures], **own))
+        found.append(_run(procedure, study, steps.part(procedure.name), names, **options.get(procedure.name, {})))
     return found[0] if len(found) == 1 else CombinedResult.from_parts(found)
 
 
@@ -587,6 +587,7 @@ def each_page(
     nothing is found again: the command of what is not kept is added to it.
     """
     procedures = asked(study)
+    names = [procedure.name for procedure in procedures]
     for i, procedure in enumerate(procedures):
         parts = () if result is None else [part for part in result.each if part.procedure == procedure.name]
         given = bool(parts)
@@ -607,8 +608,7 @@ def each_page(
             missing.append(procedure.command)
             continue
         tell(f"{procedure.command} again, because its kept results are outdated", i / len(procedures))
-        progress = lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures))  # noqa: E731
-        found = _run(procedure, study, progress, [each.name for each in procedures])
+        found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)), names)
         tell("drawing", (i + 0.8) / len(procedures))
         yield found, procedure.page(study, found)
 
