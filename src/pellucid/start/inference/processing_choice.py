@@ -39,7 +39,8 @@ class ProcessingLimits:
     # Share of the samples that has to lie between unbridged losses far enough apart for a regression. The low-pass
     # is lowered, so that longer losses are bridged, and less is thinned, until it is reached. Chosen by judgement.
     min_kept_share: float = 0.8
-    # The same bound holds for the samples between losses that are too close for a regression.
+    # Above this share of missing samples, or of samples between losses that are too close for a regression, a
+    # recording has other faults than losses.
     max_missing_share: float = MAX_MISSING_SHARE
     # The allowed share exceeds what is missing by this share, for losses are not spread evenly.
     cut_share_margin: float = 0.1
