@@ -317,13 +317,13 @@ def test_a_refusal_for_want_of_an_answer_says_how_to_give_it(tmp_path):
     assert following_of(tmp_path / "unknown" / "index.html")
 
 
-@pytest.mark.parametrize("value", [0.0, 0.25])
+@pytest.mark.parametrize("value", [0.0, -0.0, 0.25])
 def test_a_constant_effort_is_named_and_not_missing(tmp_path, value):
     """It was said that no column holds a torque."""
     p = made_layouts.swing(20)
     path = table_file(tmp_path, "time [s],q [rad],knee torque [Nm]", [p["t"], p["q"], np.full(len(p["q"]), value)])
     done = run(path, "--out", tmp_path / "out")
-    told = f'the effort was not measured: "knee torque [Nm]" ({value:g} in every row) never changes'
+    told = f'the effort was not measured: "knee torque [Nm]" ({value:zg} in every row) never changes'
     assert told in str(done.exception)
     first = following_of(tmp_path / "out" / "index.html")[0]
     assert first == "Record again with the sensor or the drive connected."

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import re
-import shlex
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -20,6 +19,7 @@ import numpy as np
 from .._atomic import write_text_atomically
 from .._errors import PellucidError, StudyError, UnfitRecordingError, listed_names
 from .._given import require_empty_folder
+from .._printed_command import printed_command
 from ..files.fault import Fault, grouped_messages
 from ..files.quantity import is_setting, quantity_of
 from ..files.recording import MAXIMAL_PROTOCOL
@@ -50,12 +50,16 @@ EFFORT_QUANTITIES = ("torque", "force", "moment", "current", "voltage", "duty")
 """Quantities of which a study needs one: each tells the effort of a joint."""
 
 
+MAX_LISTED_EFFORTS = 3
+"""Largest number of columns of constant efforts that a message names."""
+
+
 def missing_part(proposal: Proposal) -> str | None:
     """Return the first thing that keeps a proposal from being a study; None if the proposal has all its parts."""
     return next(_missing_parts(proposal), None)
 
 
-def constant_efforts(proposal: Proposal) -> str:
+def _constant_efforts(proposal: Proposal) -> str:
     """Return that the effort was recorded as one value, with its columns; "" where no column holds such an effort."""
     found: dict[str, str] = {}
     for table in proposal.main.tables:
@@ -63,7 +67,7 @@ def constant_efforts(proposal: Proposal) -> str:
             known = x[np.isfinite(x)]
             kind = quantity_of(name, table.units.get(name, "")).kind
             if kind in EFFORT_QUANTITIES and not is_setting(name) and (not known.size or np.ptp(known) == 0.0):
-                found.setdefault(name, f"{known[0]:.6g}" if known.size else "no number")
+                found.setdefault(name, f"{known[0]:z.6g}" if known.size else "no number")
     if not found:
         return ""
     listed = listed_names([f'"{name}" ({value} in every row)' for name, value in found.items()], MAX_LISTED_EFFORTS)
@@ -78,8 +82,7 @@ def _missing_parts(proposal: Proposal) -> Iterator[str]:
     quantities = {role.quantity for role in channels}
     # EMG alone makes a study of muscles.
     if proposal.drive is None and not quantities & {*EFFORT_QUANTITIES, "emg"}:
-        constant = constant_efforts(proposal)
-        yield constant or (
+        yield _constant_efforts(proposal) or (
             "no effort was recorded: found no column with a torque, force, current, voltage or duty cycle, "
             'expected one in addition to the motion. Record the effort too, or rename its column, as in "torque [Nm]"'
         )
@@ -95,10 +98,11 @@ def _missing_parts(proposal: Proposal) -> Iterator[str]:
                 f"found {count} muscles in maximal contractions alone, expected a movement. Record one with the same "
                 "muscles"
             )
-        yield (
-            f"found only the envelope{'s' if count > 1 else ''} of {count} muscle{'s' if count > 1 else ''}, expected "
-            f"raw EMG, or the envelopes of at least {MIN_SYNERGY_MUSCLES} muscles"
-        )
+        else:
+            yield (
+                f"found only the envelope{'s' if count > 1 else ''} of {count} muscle{'s' if count > 1 else ''}, "
+                f"expected raw EMG, or the envelopes of at least {MIN_SYNERGY_MUSCLES} muscles"
+            )
     elif not has_task(proposal):
         yield (
             "found EMG and an effort but no joint angle, expected the joint angle in degrees. Record the angle too, or "
@@ -112,9 +116,6 @@ def _missing_parts(proposal: Proposal) -> Iterator[str]:
                 f"{units} or a multiple. Export the column in one of these units"
             )
 
-
-MAX_LISTED_EFFORTS = 3
-"""Largest number of columns of constant efforts that a message names."""
 
 RECORDINGS_FOLDER = "recordings"
 """Folder of a study that holds its files."""
@@ -211,7 +212,8 @@ def file_command(
     """Return a command on files, as a shell takes it."""
     options = [text for key, value in answers.items() for text in ("--answer", f"{key}={value}")]
     robot = [] if urdf is None else ["--urdf", os.fspath(urdf)]
-    return shlex.join(["pellucid", *start, *map(os.fspath, files), *robot, *options])
+    name, first, *others = [*start, *map(os.fspath, files)]
+    return printed_command(name, first, *others, *robot, *options)
 
 
 def study_name(folder: Path) -> str:

@@ -149,26 +149,26 @@ def proposal_page(proposal: Proposal, folder: Path) -> Page:
         _basis_of(proposal),
     )
     answer = with_assumed(replace(page.answer, is_relative=True), defaults_of(proposal))
-    is_assumed = answer.is_answered and (answer.assumed or _guess_count(proposal))
-    return replace(page, answer=replace(answer, qualifier=answer.qualifier or WITH_ASSUMPTIONS * bool(is_assumed)))
+    assumed = WITH_ASSUMPTIONS if answer.assumed or _guess_count(proposal) else ""
+    return replace(page, answer=replace(answer, qualifier=answer.qualifier or assumed))
 
 
 def unmade_page(proposal: Proposal, reason: str, again: str) -> Page:
     """Return the page of a proposal of which no study can be made, for a `reason`; `again` is the command to repeat."""
     page = _page(proposal, "No study was written.")
-    command, following = again.split()[1], steps_after(reason, again)
+    command, following = again.split()[1], steps_after_refusal(reason, again)
     page = replace(page, title=proposal.name, kicker=f"Pellucid {command}", headline=_sentence(reason))
     return _with_answer(page, QUESTIONS[command], "no", following, _basis_of(proposal))
 
 
-def steps_after(reason: str, again: str) -> tuple[Step, ...]:
+def steps_after_refusal(reason: str, again: str) -> tuple[Step, ...]:
     """Return what to do after a refusal: what its message says, and the command to repeat.
 
     A message says what was found and what is expected, and may end with what to do, or with an answer to give.
     """
     told = re.search(r'--answer (?:"(?P<quoted>[^"]+)"|(?P<plain>[^\s,.;]+=\S+))', reason)
     given = "" if told is None else (told["quoted"] or told["plain"])
-    do = re.search(rf"(?<=[.;] )(?:{'|'.join(ADVICE_VERBS)}) .*", capitalised_sentences(reason))
+    do = re.search(rf"(?<=[.;] )(?:{'|'.join(ADVICE_VERBS)}) .*", _with_capitals(reason))
     expected = re.search(r"expected (.*)", reason)
     if given:
         return (Step("Repeat with the answer, with the right value", line=f"{again} --answer {shlex.quote(given)}"),)
@@ -179,7 +179,7 @@ def steps_after(reason: str, again: str) -> tuple[Step, ...]:
     return Step(first), Step("Then repeat", line=again)
 
 
-def capitalised_sentences(text: str) -> str:
+def _with_capitals(text: str) -> str:
     """Return a text in which what follows a semicolon begins like a sentence."""
     return re.sub(r"(?<=; )[a-z]", lambda found: found[0].upper(), text)
 
@@ -206,7 +206,7 @@ def files_page(given: GivenFiles, name: str, reason: str, again: str) -> Page:
         tuple(sections),
         f"Written by pellucid {version('pellucid')}. No study was written.",
         answer=Answer(
-            QUESTIONS[command], "no", _sentence(reason), reason, next=steps_after(reason, again),
+            QUESTIONS[command], "no", _sentence(reason), reason, next=steps_after_refusal(reason, again),
             basis=Basis(count, count + len(given.unread), "file"),
         ),
     )  # fmt: skip

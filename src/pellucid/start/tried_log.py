@@ -85,8 +85,8 @@ class TriedLog:
         taken = [a for a in self.assumptions if a.is_scale]
         if found.verdict == "yes":
             steps = [*(step for step in found.next if not step.command), *steps]
-        if self.result.answer.verdict != "yes" and not taken:
-            steps = [*(step for step in self.result.answer.next if step.name != REPORT_COMMAND), *steps]
+        elif not taken:
+            steps = [*(step for step in found.next if step.name != REPORT_COMMAND), *steps]
         if taken:
             shown = {a.subject: a.taken if a.taken not in NO_ANSWERS else "..." for a in taken}
             command = self.again_command + "".join(
@@ -96,4 +96,4 @@ class TriedLog:
             steps.insert(0, Step(f"Confirm or correct the scale{read_as}: `{command}`"))
         if self.robot_command:
             steps.append(Step("Or identify one model of all joints, with the robot's URDF", line=self.robot_command))
-        return replace(self.result.answer, next=tuple(steps))
+        return replace(found, next=tuple(steps))
