@@ -291,7 +291,7 @@ def test_a_signal_that_is_switched_is_sound_and_a_flickering_one_is_dead(tmp_pat
         ("max_current [A]", 8.0, "a setting"),
         ("operating mode", 3.0, "a setting"),
         ("motor temperature [degC]", 35.0, "a setting, or not connected"),
-        ("Present_Voltage [V]", 12.1, "a supply"),
+        ("Present_Voltage [V]", 12.1, "a supply voltage"),
     ],
 )
 def test_a_setting_that_never_changes_is_constant_and_not_dead(tmp_path, name, value, why):
@@ -330,8 +330,9 @@ def test_what_reading_repairs_is_no_reason_to_record_again(tmp_path):
     assert (clock.verdict, clock.level) == ("repeated packets", "repaired")
     assert "150 repeated packets" in clock.sentences[0]
     assert (angle.verdict, angle.level) == ("missing samples", "repaired")
-    assert "Reading repairs time [s] (repeated packets), angle [rad] (missing samples)" in found.headline
-    assert found.answer.badge == "Yes (once read by Pellucid)"
+    repaired = "time [s] (repeated packets), angle [rad] (missing samples)"
+    assert f"Pellucid repairs {repaired} when it reads the log" in found.headline
+    assert found.answer.badge == "Yes (after automatic repair)"
     assert found.answer.basis.sentence == (
         f"Based on 1 file, {COUNT + 150:,} rows, 150 repeated rows excluded, measured or simulated (not stated)."
     )
@@ -365,7 +366,7 @@ def test_an_audit_names_alike_channels_in_one_step_and_asks_for_a_rate(tmp_path)
     steps = pl.audit(path).answer.following
     assert steps == (
         "Give the rate of files without a column of time by `--rate HZ`.",
-        "Record again, or leave out of the study: angle [rad], torque_meas [N*m] (dead).",
+        "Record again, or exclude from the study: angle [rad], torque_meas [N*m] (dead).",
         f"Then audit the files again: `pellucid audit {path}`.",
     )
 

@@ -310,7 +310,7 @@ def test_a_refusal_for_want_of_an_answer_says_how_to_give_it(tmp_path):
     path = table_file(tmp_path, "time [s],knee_deg,loadcell_N", [p["t"], np.degrees(p["q"]), p["tau"] / 0.25])
     run(path, "--out", tmp_path / "out")
     (answer,) = following_of(tmp_path / "out" / "index.html")
-    assert answer.startswith(f"Repeat with the answer, with the right value: pellucid try {path} --answer")
+    assert answer.startswith(f"Repeat the command with the correct value: pellucid try {path} --answer")
     assert "lever_arm=0.3 m" in answer
     done = run(path, "--answer", "colour=red", "--out", tmp_path / "unknown")
     assert done.exit_code != 0

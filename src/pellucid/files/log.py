@@ -2,10 +2,6 @@
 
 Arrays in, findings out. The quantity of a column is guessed from its name and its unit (`quantity.py`); no
 finding requires more than that.
-
-Mark files that Pellucid stores with a study, so that files of others are not mistaken for the user's own.
-
-The mark is a keyed hash. The random key is in the user's folder of settings and serves no other purpose.
 """
 
 from __future__ import annotations
@@ -560,7 +556,8 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
     switched = _switched_levels(channel)
     if switched is not None:
         values = f"{', '.join(f'{level:.6g}' for level in switched[:-1])} and {switched[-1]:.6g}"
-        yield LogFinding("switched", name, f"a switched signal or marker: {values}{unit}, each for long", SOUND_LEVEL)
+        text = f"a switched signal or marker: {values}{unit}; it keeps each for many rows"
+        yield LogFinding("switched", name, text, SOUND_LEVEL)
         return
     if levels is not None and measures and quantity.kind in (*EFFORT_QUANTITIES, "emg", "acceleration"):
         values = ", ".join(f"{level:.6g}" for level in levels)
@@ -603,7 +600,7 @@ def _why_constant(channel: LogChannel, others: Mapping[str, LogChannel]) -> str:
         return "a setting, or not connected"
     own = [c for c in others.values() if c.joint == channel.joint and c.quantity.can_be_measured]
     if quantity.kind == "voltage" and any(c.quantity.kind in EFFORT_QUANTITIES and c.levels is None for c in own):
-        return "a supply, in addition to the effort of the same drive"
+        return "a supply voltage, because another channel holds the measured effort of the same drive"
     is_joint_still = all(c.is_constant for c in own if c.quantity.kind != "")
     if channel.joint and is_joint_still and len({c.quantity.kind for c in own}) > 2:
         return "no channel of this joint changes: it was at rest, or not connected"

@@ -171,7 +171,7 @@ def steps_after_refusal(reason: str, again: str) -> tuple[Step, ...]:
     do = re.search(rf"(?<=[.;] )(?:{'|'.join(ADVICE_VERBS)}) .*", _with_capitals(reason))
     expected = re.search(r"expected (.*)", reason)
     if given:
-        return (Step("Repeat with the answer, with the right value", line=f"{again} --answer {shlex.quote(given)}"),)
+        return (Step("Repeat the command with the correct value", line=f"{again} --answer {shlex.quote(given)}"),)
     if do is not None:
         first = do[0]
     else:

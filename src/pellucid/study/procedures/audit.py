@@ -35,8 +35,8 @@ from .procedure import Progress, quiet
 SOUND_VERDICT = "sound"
 """Verdict on a channel of which nothing was found."""
 
-ONCE_READ = "once read by Pellucid"
-"""Limit of the verdict on a log of which reading excludes or repairs something."""
+AFTER_REPAIR = "after automatic repair"
+"""Limit of the verdict on a log of which Pellucid excludes or repairs something when it reads the log."""
 
 MAX_LISTED_FILES = 3
 """A sentence lists at most this many files by name."""
@@ -45,16 +45,16 @@ CORRECTIONS = {
     VERDICT_WORDS["no_time"]: "Give the rate of files without a column of time by `--rate HZ`",
     VERDICT_WORDS["personal"]: "Remove what identifies a person from the files: {channels}",
     VERDICT_WORDS["unit"]: "Correct the unit of {channels}",
-    VERDICT_WORDS["envelope"]: "Record raw EMG for onsets and filters; envelopes serve for co-contraction and "
-    "force alone if study.toml states them as such (unit 1): {channels}",
+    VERDICT_WORDS["envelope"]: "Record raw EMG, or use these envelopes for co-contraction and force only and "
+    "state unit 1 for them in study.toml: {channels}",
     VERDICT_WORDS["exchanged"]: "Correct the names of {channels}",
     VERDICT_WORDS["impossible"]: "Correct the unit of {channels}, or record again without the impossible values",
-    VERDICT_WORDS[held.KIND]: "Log {channels} on a clock of its own, or leave it out of the study (another clock)",
-    VERDICT_WORDS[echoed.KIND]: "Log what the sensor measures, or leave out of the study: {channels} (echoed)",
+    VERDICT_WORDS[held.KIND]: "Log {channels} with a clock of its own, or exclude it from the study (another clock)",
+    VERDICT_WORDS[echoed.KIND]: "Record the measured values, or exclude from the study: {channels} (echoed)",
 }
 """What to do with the channels of a verdict, where it is something else than `RECORD_AGAIN`."""
 
-RECORD_AGAIN = "Record again, or leave out of the study: {channels} ({verdict})"
+RECORD_AGAIN = "Record again, or exclude from the study: {channels} ({verdict})"
 """What to do with unsound channels."""
 
 READING_SHARE = 0.9
@@ -186,7 +186,7 @@ class Audit:
         repaired = ", ".join(f"{v.channel} ({v.verdict})" for v in self.verdicts if v.level == REPAIRED_LEVEL)
         if repaired:
             excluded = ", ".join(self._excluded)
-            text += f" Reading repairs {repaired}{f': {excluded}' if excluded else ''}."
+            text += f" Pellucid repairs {repaired} when it reads the log{f': {excluded}' if excluded else ''}."
         if self.unread:
             text += f" {len(self.unread)} could not be read."
         return text
@@ -209,7 +209,7 @@ class Audit:
                 rows=sum(file.rows for file in self.files), excluded=self._excluded,
             ),
             next=self._steps(),
-            qualifier=ONCE_READ if self.is_sound and self._is_repaired else "",
+            qualifier=AFTER_REPAIR if self.is_sound and self._is_repaired else "",
         )  # fmt: skip
 
     @property
@@ -245,7 +245,7 @@ class Audit:
             for kind, names in alike.items()
         ]
         unread = ", ".join(file.name for file in self.unread)
-        steps += [Step(f"Correct or remove what cannot be read: {unread}")] if unread else []
+        steps += [Step(f"Correct or remove the files that cannot be read: {unread}")] if unread else []
         again = printed_command(self.command, *self.paths, *self.options)
         return (*steps, Step("Then audit the files again", line=again))
 
