@@ -78,7 +78,7 @@ def _constant_efforts(proposal: Proposal) -> str:
 
 
 def _missing_parts(proposal: Proposal) -> Iterator[str]:
-    channels = [role for layout in (proposal.main, *proposal.streams) for role in layout.channels]
+    channels = [role for layout in proposal.layouts for role in layout.channels]
     quantities = {role.quantity for role in channels}
     # EMG alone makes a study of muscles.
     if proposal.drive is None and not quantities & {*EFFORT_QUANTITIES, "emg"}:
@@ -427,7 +427,7 @@ def proposal_lines(made: ProposedStudy) -> list[str]:
     """Return the lines that the command prints."""
     proposal = made.proposal
     lines = [f"{made.folder}: {proposal.summary}."]
-    for layout in (proposal.main, *proposal.streams):
+    for layout in proposal.layouts:
         for role in layout.channels[:MAX_LISTED_CHANNELS]:
             mark = channel_mark(role, proposal)
             lines.append(

@@ -276,7 +276,7 @@ def propose(
     proposal = propose_study(given, "study", said)
     _require_rate(proposal, rate_hz)
     return LogProposal(
-        roles=tuple(role for layout in (proposal.main, *proposal.streams) for role in _roles(layout, proposal)),
+        roles=tuple(role for layout in proposal.layouts for role in _roles(layout, proposal)),
         clock=_clock(proposal),
         questions=proposal.asked,
         remarks=proposal.remarks,

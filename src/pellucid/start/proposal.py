@@ -138,6 +138,16 @@ class Proposal:
     doubtful_muscles: frozenset[str] = frozenset()  # columns whose labels name several muscles
 
     @property
+    def layouts(self) -> tuple[Layout, ...]:
+        """The main layout, and those of the streams."""
+        return (self.main, *self.streams)
+
+    @property
+    def open_questions(self) -> tuple[Question, ...]:
+        """Questions that are asked and not answered."""
+        return tuple(question for question in self.asked if question.key not in self.answers)
+
+    @property
     def rate(self) -> float | None:
         """Sampling rate of the main files [Hz]."""
         return self.main.roles.rate

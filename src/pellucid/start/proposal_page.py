@@ -45,6 +45,9 @@ MAX_PANELS_IN_FIGURE = 12
 MAX_PANELS = 60
 """At most so many columns of a layout are drawn."""
 
+MAX_CONFIRMING_STEPS = 3
+"""Largest number of open questions that the next steps name; a section of the page lists all."""
+
 WITH_ASSUMPTIONS = "with assumptions"
 """Limit of the answer yes where defaults and guesses were taken."""
 
@@ -137,14 +140,16 @@ def _short(text: str, most: int) -> str:
 
 def proposal_page(proposal: Proposal, folder: Path) -> Page:
     """Return the page of a proposal from which the study in `folder` was made."""
-    open_questions = [q for q in proposal.asked if q.key not in proposal.answers]
     page = _with_answer(
         _page(proposal, "study.toml has a comment for each of these lines."),
         QUESTIONS["init"],
         "yes",
         (
             Step("Read each comment in study.toml that marks a guess, then check the study", "check", (), str(folder)),
-            *(Step(f"Confirm `{q.key}`, which is {q.default} by default: {q.text}") for q in open_questions[:3]),
+            *(
+                Step(f"Confirm `{q.key}`, which is {q.default} by default: {q.text}")
+                for q in proposal.open_questions[:MAX_CONFIRMING_STEPS]
+            ),
         ),
         _basis_of(proposal),
     )
@@ -220,13 +225,14 @@ def _basis_of(proposal: Proposal) -> Basis:
 
 def _page(proposal: Proposal, footer: str) -> Page:
     """Return the page of a proposal without its answer."""
-    layouts = [proposal.main, *proposal.streams]
     guesses = _guess_count(proposal)
-    count = sum(len(layout.channels) for layout in layouts)
+    count = sum(len(layout.channels) for layout in proposal.layouts)
     rate = proposal.rate
     sections = (
-        *_question_sections(proposal), *(_layout_section(layout, proposal) for layout in layouts), *_last(proposal),
-    )  # fmt: skip
+        *_question_sections(proposal),
+        *(_layout_section(layout, proposal) for layout in proposal.layouts),
+        *_last(proposal),
+    )
     return Page(
         f"Proposal: {proposal.name}",
         "Pellucid init",
@@ -243,8 +249,7 @@ def _page(proposal: Proposal, footer: str) -> Page:
 
 
 def _guess_count(proposal: Proposal) -> int:
-    layouts = (proposal.main, *proposal.streams)
-    return sum(bool(channel_mark(role, proposal)) for layout in layouts for role in layout.channels)
+    return sum(bool(channel_mark(role, proposal)) for layout in proposal.layouts for role in layout.channels)
 
 
 def _with_answer(
@@ -263,7 +268,7 @@ def _headline(proposal: Proposal, count: int, guesses: int) -> str:
     what = f"a joint with a {proposal.drive} drive" if proposal.drive else "motion"
     what = "a person's joints" if proposal.is_person else f"{joints} joints" if joints > 1 else what
     said = f"{decided} identified from the data, {guesses} to be confirmed"
-    open_ones = sum(q.key not in proposal.answers for q in proposal.asked)
+    open_ones = len(proposal.open_questions)
     questions = "1 question" if open_ones == 1 else f"{open_ones} questions"
     asked = f" {questions} open; a default is assumed for each." if open_ones else ""
     return f"The files contain {what}: {count} channels, {said}.{asked}"

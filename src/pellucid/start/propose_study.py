@@ -257,7 +257,7 @@ def _robot_joints(given: GivenFiles, main: Layout) -> RobotJoints | None:
 
 def require_known_units(proposal: Proposal) -> None:
     """Raise a StudyError if a channel has a stated unit that is not known, and no answer that replaces it."""
-    for layout in (proposal.main, *proposal.streams):
+    for layout in proposal.layouts:
         table, clock = layout.tables[0], layout.roles.clock.column
         stated = [(role.column, role.unknown_unit, _key_of_unit(role)) for role in layout.channels]
         if clock is not None:
@@ -318,7 +318,7 @@ def require_turns_of_motors(proposal: Proposal) -> None:
 
 def require_agreeing_units(proposal: Proposal) -> None:
     """Raise a StudyError if stated units of a position and of its derivative disagree, or weight refutes a unit."""
-    for layout in (proposal.main, *proposal.streams):
+    for layout in proposal.layouts:
         table, columns = layout.tables[0], {role.column: role for role in layout.channels}
         for pair in layout.roles.pairs:
             stated = [_unit_said(columns.get(column), table) for column in (pair.of, pair.by)]
@@ -397,7 +397,7 @@ def _unit_said(role: ColumnRole | None, table: GivenTable) -> str | None:
 
 def require_delivered_effort(proposal: Proposal) -> None:
     """Raise a StudyError if the only effort is a command that the drive does not deliver, as the lab says."""
-    role = _commanded_effort((proposal.main, *proposal.streams), proposal.drive)
+    role = _commanded_effort(proposal.layouts, proposal.drive)
     if role is not None and proposal.answers.get("command_followed") == "no":
         raise StudyError(
             f'{proposal.main.tables[0].path.name}: no effort was recorded: found only "{role.column}", a '
@@ -1318,7 +1318,7 @@ def _force_on_lever(main: Layout, drive: str | None) -> ColumnRole | None:
 
 def require_rate(proposal: Proposal) -> None:
     """Raise a StudyError if a drive's motion has neither times nor a rate: no physics tells the scale of time."""
-    if proposal.drive is None or all(layout.roles.rate is not None for layout in (proposal.main, *proposal.streams)):
+    if proposal.drive is None or all(layout.roles.rate is not None for layout in proposal.layouts):
         return
     raise StudyError(
         f"{proposal.main.tables[0].path.name}: found no column of times and no sampling rate, on which every speed and "
@@ -1839,7 +1839,7 @@ def _scaled_unit(role: ColumnRole) -> str:
 
 def scale_reading(proposal: Proposal) -> str:
     """Return how the stored numbers of the driving effort were read, to follow a text; "" where they are the unit."""
-    found = _main_effort([proposal.main, *proposal.streams], proposal.drive) if proposal.drive else None
+    found = _main_effort(proposal.layouts, proposal.drive) if proposal.drive else None
     if found is None or found[1].scale == 1.0:
         return ""
     role = found[1]

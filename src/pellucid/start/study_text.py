@@ -534,7 +534,7 @@ def has_task(proposal: Proposal) -> bool:
 
 
 def _procedures(proposal: Proposal) -> list[str]:
-    roles = [r for layout in (proposal.main, *proposal.streams) for r in layout.channels]
+    roles = [r for layout in proposal.layouts for r in layout.channels]
     sides = {r.quantity.partition(".")[0] for r in roles if r.quantity and r.quantity.endswith(".angular_velocity")}
     if {"proximal", "distal"} <= sides and proposal.drive is None:
         return [
@@ -575,8 +575,7 @@ MIN_SYNERGY_MUSCLES = 3
 
 def _muscle_tables(proposal: Proposal) -> list[str]:
     """Return the tables of a study of EMG without an effort: onsets of raw EMG, and synergies of envelopes."""
-    layouts = [proposal.main, *proposal.streams]
-    best = max(layouts, key=lambda layout: sum(r.quantity == "emg" for r in layout.channels))
+    best = max(proposal.layouts, key=lambda layout: sum(r.quantity == "emg" for r in layout.channels))
     emg = [r for r in best.channels if r.quantity == "emg"]
     stream = [f"emg = {_text(best.stream)}"] if best.stream not in ("", "emg") else []
     is_raw = not any(r.unit in ("1", "%", "MVC", "%MVC") for r in emg)

@@ -26,7 +26,7 @@ def tried_lines(tried: TriedLog) -> tuple[list[str], tuple[tuple[str, ...], list
     before = [
         *answer_lines(tried.answer),
         f"{tried.study.name}: {proposal.motion} motion{drive}; {proposal.summary}.",
-        *(line for layout in (proposal.main, *proposal.streams) for line in _columns(layout)),
+        *(line for layout in proposal.layouts for line in _columns(layout)),
         *([tried.robot_advice.replace("`", "")] if tried.robot_advice else []),
     ]
     assumed = [f"assumed {assumption.sentence}" for assumption in tried.assumptions]
@@ -50,12 +50,11 @@ def _scaled_unit(role: ColumnRole) -> str:
 
 def try_table(tried: TriedLog) -> dict[str, Any]:
     """Return a tried log for JSON: columns, assumptions, held-out errors, figures and the next command."""
-    layouts = (tried.proposal.main, *tried.proposal.streams)
     return {
         "study": tried.study.name,
         "columns": [
             {"column": role.column, "role": channel_name(role), "unit": role.unit, "certain": not role.is_guess}
-            for layout in layouts
+            for layout in tried.proposal.layouts
             for role in layout.channels
         ],
         "assumed": [

@@ -78,7 +78,7 @@ def try_page(tried: TriedLog) -> Page:
         sections.insert(0, Section("held-out", "Prediction of held-out data", drawings=(draw(_efforts, held),)))
     tables = (*parameter_tables(result), *figure_tables(result))
     sections.append(Section("result", "Parameters and comparisons", (), tables))
-    for layout in (tried.proposal.main, *tried.proposal.streams):
+    for layout in tried.proposal.layouts:
         name = layout.stream or "main"
         clock, table = layout_tables(layout, tried.proposal)
         heading = f"Columns of the stream {layout.stream}" if layout.stream else "Columns"
