@@ -14,6 +14,7 @@ from pellucid.people.comparison import (
     sign_distribution,
     signed_rank,
     smallest_p,
+    tells_from_control,
 )
 
 
@@ -102,6 +103,18 @@ def test_many_conditions_are_tested_without_counting():
     found = compare_conditions(values, list("abcdefgh"), "a", rng=np.random.default_rng(0))
     assert found.friedman.exact_p_value is None
     assert 0.0 < found.friedman.p_value < 1.0
+
+
+@pytest.mark.parametrize(("people", "conditions"), [(4, 2), (6, 2), (9, 2), (5, 3), (6, 4), (5, 5)])
+def test_many_studies_are_told_apart_as_each_alone_is(people, conditions):
+    values = np.random.default_rng(people).normal(size=(60, people, conditions))
+    values[:, :, 1] += np.linspace(0.0, 3.0, 60)[:, None]
+    names = [f"c{j}" for j in range(conditions)]
+    told = []
+    for study in values:
+        found = compare_conditions(study, names, "c0")
+        told.append([found.p_value < 0.05 and found.pair("c0", name) < 0.05 for name in names])
+    assert tells_from_control(values).tolist() == told
 
 
 def test_missing_values_are_refused():

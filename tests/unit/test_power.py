@@ -45,6 +45,12 @@ def test_few_participants_cannot_pass_a_corrected_level():
     assert found.needed() == 7
 
 
+def test_the_people_for_a_change_are_those_whom_the_study_s_own_tests_need():
+    """Nemenyi's test alone is significant with four people, of whom Friedman's counted p is never below 0.05."""
+    clear = np.column_stack([np.ones(8), np.full(8, 2.0)]) + 0.01 * np.random.default_rng(1).normal(size=(8, 2))
+    assert participants_needed(clear, test="nemenyi", compared=1, studies=200) == 6
+
+
 def test_workers_do_not_change_the_outcome():
     with ThreadPoolExecutor(3) as executor:
         shared = power_curve(pilot(12), (6, 10), change=0.1, studies=1200, executor=executor)

@@ -60,6 +60,11 @@ MAX_EXACT_CONDITIONS = 6
 MAX_EXACT_TABLE_SIZE = 5_000_000
 """One step of the exact distribution lists at most this many rank sums times orders, which bounds its memory."""
 
+MAX_LIMIT_TABLE_SIZE = 500_000
+"""Largest table, about n^(k - 1) k^(k - 2), that is listed for the limit of Friedman's statistic.
+
+A search for a number of people has a limit for each number that it tries. Larger studies take the chi-squared limit."""
+
 
 @dataclass(frozen=True)
 class FriedmanTest:
@@ -83,12 +88,11 @@ def friedman(data: np.ndarray, *, exact: bool = False) -> FriedmanTest:
     ranks = _ranks(data)
     n, k = ranks.shape
     sums = ranks.sum(axis=0)
-    spread = np.sum((ranks - 0.5 * (k + 1)) ** 2)
-    if spread == 0.0:
+    if np.all(ranks == 0.5 * (k + 1)):
         raise PellucidError(
             "Friedman: found equal values in all conditions of every participant, expected values that can be ranked"
         )
-    statistic = (k - 1) * float(np.sum((sums - 0.5 * n * (k + 1)) ** 2)) / float(spread)
+    statistic = float(friedman_statistics(ranks))
     p_exact = _exact_p_value(ranks, sums) if exact else None
     return _friedman_test(statistic, sums, n, p_exact)
 
@@ -156,10 +160,17 @@ def _friedman_test(statistic: float, sums: np.ndarray, n: int, p_exact: float | 
 
 
 def _exact_p_value(ranks: np.ndarray, sums: np.ndarray) -> float:
-    """Return the probability of rank sums at least as uneven as `sums`, if each row's ranks come in any order.
+    """Return the probability of rank sums at least as uneven as `sums`, if each row's ranks come in any order."""
+    spread, chance = _exact_distribution(ranks)
+    seen = np.sum((np.rint(2.0 * sums).astype(np.int64) - ranks.shape[0] * (ranks.shape[1] + 1)) ** 2)
+    return float(min(1.0, chance[spread >= seen].sum()))
 
-    Sums are counted in half ranks, so that ties too are integers and rounding plays no part. The statistic does not
-    depend on the order of the conditions, so sums are kept sorted.
+
+def _exact_distribution(ranks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how uneven rank sums can be and with which probability, if each row's ranks come in any order.
+
+    Sums are counted in half ranks, so that ties too are integers and rounding plays no part; their unevenness is the
+    sum of squares about their mean. It does not depend on the order of the conditions, so sums are kept sorted.
     """
     n, k = ranks.shape
     if k > MAX_EXACT_CONDITIONS:
@@ -181,10 +192,7 @@ def _exact_p_value(ranks: np.ndarray, sums: np.ndarray) -> float:
         _, first, where = np.unique(ahead @ place, return_index=True, return_inverse=True)
         chance = np.bincount(where.ravel(), np.repeat(chance / len(orders), len(orders)))
         reached = ahead[first]
-    middle = n * (k + 1)  # mean of the doubled rank sums
-    spread = np.sum((reached - middle) ** 2, axis=1)
-    seen = np.sum((np.rint(2.0 * sums).astype(np.int64) - middle) ** 2)
-    return float(min(1.0, chance[spread >= seen].sum()))
+    return np.sum((reached - n * (k + 1)) ** 2, axis=1), chance
 
 
 def tells_from_control(values: np.ndarray, control: int = 0, *, alpha: float = 0.05) -> np.ndarray:
@@ -198,38 +206,30 @@ def tells_from_control(values: np.ndarray, control: int = 0, *, alpha: float = 0
         return np.zeros((studies, k), bool)
     ranks = tied_ranks(values, axis=2)
     sums = ranks.sum(axis=1)
-    spread = np.sum((ranks - 0.5 * (k + 1)) ** 2, axis=(1, 2))
-    far = (k - 1) * np.sum((sums - 0.5 * n * (k + 1)) ** 2, axis=1)
-    statistic = np.divide(far, spread, out=np.zeros_like(far), where=spread > 0.0)
     least = stats.studentized_range.isf(alpha, k, np.inf) / np.sqrt(2.0) * n * np.sqrt(k * (k + 1) / (6.0 * n))
     apart = np.abs(sums - sums[:, [control]]) > least
-    return apart & (statistic >= _critical_statistic(n, k, alpha))[:, None]
+    return apart & (friedman_statistics(ranks) >= _critical_statistic(n, k, alpha))[:, None]
+
+
+def friedman_statistics(ranks: np.ndarray) -> np.ndarray:
+    """Return Friedman's statistic, corrected for ties, of each study's ranks (..., n, k); 0 where all are tied."""
+    n, k = ranks.shape[-2:]
+    spread = np.sum((ranks - 0.5 * (k + 1)) ** 2, axis=(-2, -1))
+    far = (k - 1) * np.sum((ranks.sum(axis=-2) - 0.5 * n * (k + 1)) ** 2, axis=-1)
+    return np.divide(far, spread, out=np.zeros_like(far), where=spread > 0.0)
 
 
 @lru_cache(maxsize=64)
 def _critical_statistic(n: int, k: int, alpha: float) -> float:
-    """Return the smallest of Friedman's statistics of n people and k conditions that is significant.
-
-    It is sought among those of orders by chance and those between them and the largest; infinite if none is.
-    """
-    rng = np.random.default_rng([REFERENCE_SEED, n, k])
-    sums = rng.permuted(np.tile(np.arange(1.0, k + 1.0), (REFERENCE_ORDER_COUNT, n, 1)), axis=2).sum(axis=1)
-    sums = np.vstack([np.unique(np.sort(sums, axis=1), axis=0), n * np.arange(1.0, k + 1.0)])
-    statistic = 12.0 / (n * k * (k + 1)) * np.sum((sums - 0.5 * n * (k + 1)) ** 2, axis=1)
-    _, first = np.unique(statistic.round(9), return_index=True)
-    low, high = 0, len(first)
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (low, middle) if _p_of_sums(sums[first[middle]], n) < alpha else (middle + 1, high)
-    return float(statistic[first[low]]) - 1e-9 if low < len(first) else np.inf
-
-
-def _p_of_sums(sums: np.ndarray, n: int) -> float:
-    """Return Friedman's p value of rank sums, exact where that can be counted."""
-    try:
-        return friedman_from_rank_sums(sums, n, exact=True).p
-    except PellucidError:  # too many to count
-        return friedman_from_rank_sums(sums, n).p
+    """Return the smallest significant of Friedman's statistics of n people and k conditions; infinite if none is."""
+    if k > MAX_EXACT_CONDITIONS or n ** (k - 1) * k ** (k - 2) > MAX_LIMIT_TABLE_SIZE:
+        return float(stats.chi2.isf(alpha, k - 1))
+    spread, chance = _exact_distribution(np.tile(np.arange(1.0, k + 1.0), (n, 1)))
+    possible, where = np.unique(spread, return_inverse=True)
+    p = np.cumsum(np.bincount(where, chance)[::-1])[::-1]
+    significant = possible[p < alpha]
+    # Half ranks have four times the squares of ranks.
+    return 3.0 / (n * k * (k + 1)) * float(significant[0]) - 1e-9 if len(significant) else np.inf
 
 
 REFERENCE_STUDY_COUNT = 100_000
@@ -238,14 +238,12 @@ REFERENCE_STUDY_COUNT = 100_000
 REFERENCE_SEED = 29
 """Seed of the reference distributions."""
 
-REFERENCE_ORDER_COUNT = 20_000
-"""Number of studies without any difference among whose statistics the smallest significant one is sought."""
-
 MAX_REFERENCE_PEOPLE = 200
 """The distributions of this many people serve for more, too: they come closer to the normal one."""
 
 LOGNORMAL_SIGMA = 1.0
 """Standard deviation of the logarithm of the skewed reference shape."""
+
 
 def student_statistics(differences: np.ndarray, value: float | np.ndarray = 0.0) -> np.ndarray:
     """Return Student's statistic of the mean of `differences` (..., n) above a `value`; shape (...).

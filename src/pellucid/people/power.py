@@ -34,7 +34,7 @@ from ..numerics.arguments import with_checked_arguments
 from ..numerics.tied_ranks import tied_ranks
 from ..units import parse_quantity
 from .analysis import ESTIMAND_METHODS, MAX_SHARE, Analysis, EndPoint, Estimand, share_rule
-from .comparison import rank_sums, two_sided_p
+from .comparison import friedman_statistics, rank_sums, tells_from_control, two_sided_p
 from .design_columns import MovementDuration
 from .equivalence import DEFAULT_CARRY_OVER, Margin, Method
 from .movement_indices import SimulatedStudies, are_transparent
@@ -104,8 +104,8 @@ def power_curve(
     participants : sequence of int
         Sizes to try, each at least 2.
     test : str
-        ``"friedman"``: do conditions differ at all; ``"nemenyi"`` or ``"signed_rank"``: does `compared` differ from
-        control.
+        ``"friedman"``: do conditions differ at all; ``"nemenyi"``, after a significant test of Friedman, or
+        ``"signed_rank"``: does `compared` differ from control.
     control, compared : int
         Columns of the control and of the condition that is compared with it.
     change : float, optional
@@ -281,16 +281,10 @@ def _count_significant_studies(n, studies, seed, mean, factor, test, control, co
     values = mean + rng.standard_normal((studies, n, len(mean))) @ factor.T
     if test == "signed_rank":
         return int(np.sum(_has_significant_ranks(values[:, :, compared] - values[:, :, control], alpha)))
-    k = len(mean)
-    ranks = tied_ranks(values, axis=2)
-    sums = ranks.sum(axis=1)
     if test == "friedman":
-        spread = np.sum((ranks - 0.5 * (k + 1)) ** 2, axis=(1, 2))
-        far = (k - 1) * np.sum((sums - 0.5 * n * (k + 1)) ** 2, axis=1)
-        statistic = np.divide(far, spread, out=np.zeros_like(far), where=spread > 0.0)
-        return int(np.sum(stats.chi2.sf(statistic, k - 1) < alpha))
-    least = stats.studentized_range.isf(alpha, k, np.inf) / np.sqrt(2.0) * n * np.sqrt(k * (k + 1) / (6.0 * n))
-    return int(np.sum(np.abs(sums[:, compared] - sums[:, control]) > least))
+        statistic = friedman_statistics(tied_ranks(values, axis=2))
+        return int(np.sum(stats.chi2.sf(statistic, len(mean) - 1) < alpha))
+    return int(tells_from_control(values, control, alpha=alpha)[:, compared].sum())
 
 
 def _has_significant_ranks(differences: np.ndarray, alpha: float) -> np.ndarray:

@@ -418,7 +418,7 @@ def _needed(
 def _needed_as_seen(
     found: Mapping[str, Assessed], spec: AssessmentTable, studies: int, executor: Any
 ) -> dict[str, int | None]:
-    """Return with how many people Nemenyi's test tells each condition from control, if changes are as they were seen.
+    """Return with how many people the study's own tests tell each condition from control, if changes are as seen.
 
     They are those of the leading index, for a power of 80 %; none from fewer than three people.
     """

@@ -188,7 +188,7 @@ def _needed(findings: AssessmentResult) -> Section:
         seen = ", ".join(f"{name} {tables.people_words(n)}" for name, n in findings.needed_as_seen.items())
         text += (
             f" If the changes of {lowered(leading_index().words)} are as seen here, and people vary together over "
-            f"conditions as here, Nemenyi's test needs: {seen}."
+            f"conditions as here, Friedman's and Nemenyi's tests together need: {seen}."
         )
     shown = tables.needed_table(findings), tables.effect_size_table(findings)
     return Section("assess_needed", "Participants needed", (text,), tuple(_table(each) for each in shown if each.rows))

@@ -71,7 +71,8 @@ def result_rows(found: AssessmentResult) -> tuple[ResultRow, ...]:
         change = 100.0 * s.change if np.isfinite(s.change) else None
         add(f"assess.sensitivity.{rule}.{s.index}.{s.condition.lower()}", change, "%", s.words)
     for condition, people in found.needed_as_seen.items():
-        note = "Nemenyi's test, power 0.8, if the change is as seen" + ("" if people else "; more than were tried")
+        note = "Friedman's and Nemenyi's tests, power 0.8, if the change is as seen"
+        note += "" if people else "; more than were tried"
         add(f"assess.needed_as_seen.{condition.lower()}", people, "1", note)
     for each in found.needed:
         note = f"signed ranks against control, power 0.8, d of pairs {each.effect:.3g}"
