@@ -11,18 +11,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from ..._errors import PellucidError
 from ...files.recording import Recording
 from ...people.analysis import Analysis, EndPoint
 from ...people.certificate import CANNOT_SAY, decide
 from ...people.indices import Index, indices_along
 from ...people.movement_indices import index_table
-from ...people.power import Active, find_equivalence_participants
 from ...people.study.assessment_answer import CERTIFICATE_VERDICTS
 from ...people.study.assessment_table import AssessmentTable
-from ...people.study.certified import PLANNED_POWER, study_changes
+from ...people.study.certified import people_needed, study_changes
 from ...people.study.measured_study import MeasuredStudy, join_studies, measure, with_assumed_delays
 from ...people.study.pointing import PointingRecord, labelled_amplitudes, session_order, usable_records, with_rule
 from ...study.answer import Answer, Basis, Step
@@ -170,16 +167,8 @@ class RunningIndices:
             changes = study_changes(whole, points, tables, [control, *(c for c in recorded if c != control)], condition,
                                     both, order, analysis)  # fmt: skip
             found = decide(analysis, changes, lost_people=missing, registered=self.registered)
-            if found.verdict == CANNOT_SAY and len(both) > 2:
-                covariance = np.atleast_2d(np.cov([
-                    own.seen if test.bounded else test.differences
-                    for own, test in zip(changes.values(), found.end_points.values(), strict=True)
-                ]))  # fmt: skip
-                ordered = any(own.sessions is not None for own in changes.values())
-                needed = find_equivalence_participants(
-                    covariance, [point.margin for point in points.values()], power=PLANNED_POWER, alpha=analysis.alpha,
-                    active=Active.of(analysis, order=ordered, learning=False), studies=SIMULATED_STUDIES,
-                )  # fmt: skip
+            if found.verdict == CANNOT_SAY:
+                needed = people_needed(points, found, changes, analysis, order, studies=SIMULATED_STUDIES)
                 more = None if needed is None else max(needed - len(both), 1)
         except PellucidError as error:
             return RunningVerdict(condition, "cannot say yet", len(both), None, str(error))

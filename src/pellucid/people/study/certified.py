@@ -452,10 +452,9 @@ def _certify(
         for doubt in joint.doubts.get(name, ())
         if own.drift is not None and doubt.what == LEARNING_DOUBT
     }
-    active = Active.of(analysis, order=bool(order.period), learning=bool(trends))
-    seen = {name: own.seen for name, own in changes.items()}
     return Certified(
-        condition, joint, wanted, len(people), _people_needed(wanted, joint, seen, active, executor), analysis.estimand,
+        condition, joint, wanted, len(people),
+        people_needed(wanted, joint, changes, analysis, order, executor=executor), analysis.estimand,
         tuple(people), models, beside, trends, _unknown(changes, whole, wanted, tables, pair, people, order),
         _failed(whole, pair, people), shown, {**{n: own.lost for n, own in changes.items()}, **lost_of_curves},
         analysis.max_left_out, lost_people, _people_needed_beyond(joint),
@@ -467,22 +466,30 @@ def control_of(table: IndexTable, control: str) -> str | None:
     return control if control in table.conditions or table.index.over_control else None
 
 
-def _people_needed(
-    wanted: Mapping[str, EndPoint], joint: Certificate, seen: Mapping[str, np.ndarray], active: Active, executor: Any
-) -> int | None:
+def people_needed(
+    points: Mapping[str, EndPoint], joint: Certificate, changes: Mapping[str, PeoplesChanges], analysis: Analysis,
+    order: SessionOrder, *, studies: int = SIMULATED_STUDY_COUNT, executor: Any = None,
+) -> int | None:  # fmt: skip
+    """Return with how many people a robot that changes nothing is shown to be transparent in 9 of 10 studies.
+
+    None from fewer than three people, and where the largest number that is tried would not be enough.
+    """
     tests = joint.end_points
-    if len(next(iter(seen.values()))) < MIN_FORECAST_PEOPLE:
-        return None
     # The effects of periods are none of how much people differ.
-    seen = {name: seen[name] if tests[name].bounded else tests[name].differences for name in wanted}
-    covariance = np.atleast_2d(np.cov(np.array(list(seen.values()))))
-    active = replace(active, noise=tuple(tests[name].share_test().noise_share for name in wanted))
+    seen = [changes[name].seen if tests[name].bounded else tests[name].differences for name in points]
+    if len(seen[0]) < MIN_FORECAST_PEOPLE:
+        return None
+    active = Active.of(
+        analysis, order=bool(order.period),
+        learning=any(doubt.what == LEARNING_DOUBT for own in joint.doubts.values() for doubt in own),
+        noise=[tests[name].share_test().noise_share for name in points],
+    )  # fmt: skip
     # An index without control, such as a torque, is planned about its own mean.
     change = [float(d.mean()) if point.margin.low == -inf else 0.0
-              for d, point in zip(seen.values(), wanted.values(), strict=True)]  # fmt: skip
+              for d, point in zip(seen, points.values(), strict=True)]  # fmt: skip
     return find_equivalence_participants(
-        covariance, [point.margin for point in wanted.values()], power=PLANNED_POWER, change=change,
-        alpha=joint.alpha, active=active, studies=SIMULATED_STUDY_COUNT, executor=executor,
+        np.atleast_2d(np.cov(np.array(seen))), [point.margin for point in points.values()], power=PLANNED_POWER,
+        change=change, alpha=joint.alpha, active=active, studies=studies, executor=executor,
     )  # fmt: skip
 
 
