@@ -18,6 +18,9 @@ from pellucid.people.study.statements import _filter_verdicts
 from pellucid.study.answer import Answer, AnswerPart, Step, unanswered_message
 from pellucid.study.pages.page import Page, write_page
 
+MEASURED = SimpleNamespace(is_simulated=False, rig_file="")
+SIMULATED = SimpleNamespace(is_simulated=True, rig_file="lab/rig.toml")
+
 
 def test_a_condition_of_which_nobody_can_say_gives_its_reason_alone(monkeypatch):
     """It ended in "cannot say: speed: cannot say (post hoc). The interval is too wide."."""
@@ -31,7 +34,7 @@ def test_a_condition_of_which_nobody_can_say_gives_its_reason_alone(monkeypatch)
         for name, verdict in said.items()
     ]
     monkeypatch.setattr(assessment_answer, "certificate_reasons", lambda found: ["The interval is too wide."] * 2)
-    monkeypatch.setattr(assessment_answer, "_recording_steps", lambda each: (Step("Record more movements"),))
+    monkeypatch.setattr(assessment_answer, "_recording_steps", lambda found, each: (Step("Record more movements"),))
     for part, made in {"_changes_text": "", "_numbers": (), "_basis": None}.items():
         monkeypatch.setattr(assessment_answer, part, lambda found, made=made: made)
     answer = assessment_answer.certificate_answer(SimpleNamespace(certified=certified))
@@ -74,14 +77,14 @@ def test_the_basis_counts_the_movements_that_were_excluded():
 )
 def test_the_number_of_people_to_record_is_that_of_the_power_analysis(people, needed, said):
     """It was the smallest number for a claim, while the power analysis of the same page needed more."""
-    (step,) = assessment_answer._recording_steps([certified(people, needed)])
+    (step,) = assessment_answer._recording_steps(MEASURED, [certified(people, needed)])
     assert step.text.startswith(said)
 
 
 @pytest.mark.parametrize(("people", "needed"), [(6, None), (20, None), (20, 14)])
 def test_where_no_number_of_people_decides_the_step_says_what_does(people, needed):
     """It asked for 12 people or more, of whom it said that no number would show it."""
-    (step,) = assessment_answer._recording_steps([certified(people, needed)])
+    (step,) = assessment_answer._recording_steps(MEASURED, [certified(people, needed)])
     assert ("more people will not show it transparent" if needed is None else "it may change movement") in step.text
     assert "change the controller" in step.text.lower()
     assert "in all" not in step.text
@@ -97,7 +100,7 @@ def certified(people, needed, verdict=None):
 def test_conditions_that_need_the_same_share_a_step():
     one, other = certified(6, None), certified(6, None)
     other.condition = "PCFr"
-    (step,) = assessment_answer._recording_steps([one, other])
+    (step,) = assessment_answer._recording_steps(MEASURED, [one, other])
     assert step.text.startswith("CLPC, PCFr: more people")
 
 
@@ -105,11 +108,11 @@ def test_a_change_beyond_the_margin_that_may_be_chance_needs_more_people():
     """The step said that no number of people would show it transparent, which they are not to show."""
     each = certified(8, None, "beyond")
     each.needed_beyond = 24
-    (step,) = assessment_answer._recording_steps([each])
+    (step,) = assessment_answer._recording_steps(MEASURED, [each])
     assert step.text.startswith("CLPC: record 16 more people, 24 in all, to show in 9 of 10 studies that it is not")
     assert step.text.endswith("tested alone, duration would be beyond its margin already")
     each.needed_beyond = None
-    (step,) = assessment_answer._recording_steps([each])
+    (step,) = assessment_answer._recording_steps(MEASURED, [each])
     assert step.text.startswith("CLPC: no number of people up to 128 would show")
 
 
@@ -122,7 +125,7 @@ def test_a_change_beyond_the_margin_that_may_be_chance_needs_more_people():
     ],
 )
 def test_a_study_without_margins_is_told_what_a_claim_needs(people, margins, begins):
-    found = SimpleNamespace(participants=("p",) * people, has_margins=margins)
+    found = SimpleNamespace(participants=("p",) * people, has_margins=margins, is_simulated=False)
     assert assessment_answer._margin_step(found).text.startswith(begins)
 
 
@@ -153,6 +156,21 @@ def test_simulated_people_are_not_asked_to_be_recorded():
     assert "Simulate more people" in assessment_answer._more_people_step(found, ["PCFr"]).text
     found.is_simulated = False
     assert "Record more people" in assessment_answer._more_people_step(found, ["PCFr"]).text
+
+
+@pytest.mark.parametrize(("people", "needed"), [(2, None), (6, 13), (6, None), (20, 14)])
+def test_a_certificate_of_simulated_people_asks_to_simulate(people, needed):
+    """It asked to record people of whom there are none."""
+    (step,) = assessment_answer._recording_steps(SIMULATED, [certified(people, needed)])
+    assert "record" not in step.text.lower()
+    assert "simulate" in step.text.lower()
+    assert ("(`count` in `[people]` of `lab/rig.toml`)" in step.text) == (needed == 13 or people == 2)
+    each = certified(8, None, "beyond")
+    for each.needed_beyond in (24, 8, None):
+        (step,) = assessment_answer._recording_steps(SIMULATED, [each])
+        assert "record" not in step.text.lower()
+    one = SimpleNamespace(participants=("p",), has_margins=True, **vars(SIMULATED))
+    assert assessment_answer._margin_step(one).text.startswith("Simulate more people: margins are tested")
 
 
 def compared(values, control="Ctrl"):
@@ -237,7 +255,8 @@ def test_a_doubted_end_point_is_said_to_lie_where_its_test_found_it():
     each.certificate.contradicted = lambda name: (SimpleNamespace(what=LEFT_OUT_DOUBT),)
     said = _why_undecided(each, {"duration": "Duration"}, ["Duration"])
     assert said.startswith("Duration is beyond its margin, but this is not shown with targets without a movement")
-    assert assessment_answer._recording_steps([each]) == (Step("CLPC: find out why targets have no movement"),)
+    step = Step("CLPC: find out why targets have no movement")
+    assert assessment_answer._recording_steps(MEASURED, [each]) == (step,)
 
 
 def test_the_headline_index_is_tried_by_other_rules_and_named():

@@ -92,8 +92,8 @@ RIG_FILE = "lab/rig.toml"
 
 
 def _rig_file(study: Study) -> str:
-    """Return the file that says how many people are simulated; "" where there is none."""
-    return RIG_FILE if (Path(study.folder) / RIG_FILE).is_file() else ""
+    """Return the file that says how many people are simulated; "" where nobody is, or there is none."""
+    return RIG_FILE if study.config.simulated and (Path(study.folder) / RIG_FILE).is_file() else ""
 
 
 def assess_recordings(

@@ -41,7 +41,7 @@ CERTIFICATE_STEP = Step("Write the certificate's page for a reviewer", "certific
 
 CONTROLLER_STEP = Step(
     "Compensate what the robot leaves in the end points beyond their margins: another controller, or less weight and "
-    "friction; then record again"
+    "friction; then repeat the study"
 )
 """What to do next where every condition lies beyond a margin."""
 
@@ -62,7 +62,7 @@ def certificate_answer(found: AssessmentResult) -> Answer:
     open_ones = [each for each in found.certified if each.certificate.verdict not in (PASS, FAIL)]
     stated = "; ".join(f"{one.condition}: {one.certificate.statement}" for one in found.certified)
     beyond = "".join(f"{_beyond_text(each)} " for each in found.certified if each.certificate.verdict == FAIL)
-    following = {"yes": [], "no": [CONTROLLER_STEP], "cannot say": [*_recording_steps(open_ones)]}[verdict]
+    following = {"yes": [], "no": [CONTROLLER_STEP], "cannot say": [*_recording_steps(found, open_ones)]}[verdict]
     following += [CERTIFICATE_STEP] if verdict != "cannot say" else []
     return Answer(
         question, verdict, f"{stated}. {_changes_text(found)} {beyond}".strip(), reason_of_parts(parts, verdict),
@@ -90,68 +90,84 @@ def _beyond_text(each: Certified) -> str:
     return f"Beyond the margin in {each.condition}: {', '.join(words)}." if words else ""
 
 
-def _recording_steps(undecided: Sequence[Certified]) -> tuple[Step, ...]:
+def _recording_steps(found: AssessmentResult, undecided: Sequence[Certified]) -> tuple[Step, ...]:
     """Return the recordings and the number of people to add, each with the conditions that need them."""
     conditions: dict[str, list[str]] = {}
     for each in undecided:
-        for text in _recording_texts(each):
+        for text in _recording_texts(found, each):
             conditions.setdefault(text, []).append(each.condition)
     return tuple(Step(f"{', '.join(names)}: {text}") for text, names in conditions.items())
 
 
-def _recording_texts(each: Certified) -> tuple[str, ...]:
+def _recording_texts(found: AssessmentResult, each: Certified) -> tuple[str, ...]:
     """Return what to record if a certificate is undecided: lost trials, and the number of people to add."""
     own, now, texts = each.certificate, each.participants, []
     if remedy := loss_remedy(each):
         texts.append(f"{remedy[:1].lower()}{remedy[1:].rstrip('.')}")
     elif any(test.bounded for test in own.end_points.values()):
-        texts.append(f"record the movements until they settle, of the same {now} people or more")
+        texts.append(f"{_record(found)} the movements until they settle, of the same {now} people or more")
     elif alone := [p.index.short for n, p in each.end_points.items() if own.end_points[n].verdict == BEYOND_MARGIN]:
         return (
-            f"{_beyond_people_text(each.needed_beyond, now)}: tested alone, {lowered(' and '.join(alone))} would be "
-            "beyond its margin already",
+            f"{_beyond_people_text(found, each.needed_beyond, now)}: tested alone, {lowered(' and '.join(alone))} "
+            "would be beyond its margin already",
         )
     is_beyond = any(own.tested(name) == BEYOND_MARGIN for name in each.end_points)
     if not texts or (now < MIN_PEOPLE and not is_beyond):
-        texts.append(_people_text(each.needed, now))
+        texts.append(_people_text(found, each.needed, now))
     return tuple(texts)
 
 
-def _beyond_people_text(needed: int | None, now: int) -> str:
+def _beyond_people_text(found: AssessmentResult, needed: int | None, now: int) -> str:
     """Return the number of people who would show a change as large as that seen to be beyond its margin."""
     if needed is None:
         return (
             f"no number of people up to {CERTIFICATE_SIZES[-1]} would show a change as large as this to be beyond its "
-            "margin in 9 of 10 studies; record more movements of each person"
+            f"margin in 9 of 10 studies; {_record(found)} more movements of each person"
         )
-    in_all = f"{_more_people(needed - now)}, {needed} in all," if needed > now else "more people"
-    return f"record {in_all} to show in 9 of 10 studies that it is not transparent, if changes are as seen here"
+    in_all = f"{_adding_text(found, needed, now)}," if needed > now else f"{_record(found)} more people"
+    return f"{in_all} to show in 9 of 10 studies that it is not transparent, if changes are as seen here"
 
 
-def _people_text(needed: int | None, now: int) -> str:
+def _people_text(found: AssessmentResult, needed: int | None, now: int) -> str:
     """Return the number of people to add by the power analysis, or what to do where no number would decide.
 
     The analysis counts with the smallest number of people for a claim.
     """
     if now < MIN_FORECAST_PEOPLE:
         return (
-            f"record {_more_people(MIN_PEOPLE - now)}, {MIN_PEOPLE} in all, the smallest number for a claim; with "
-            f"{MIN_FORECAST_PEOPLE} the power analysis says how many are needed"
+            f"{_adding_text(found, MIN_PEOPLE, now)}, the smallest number for a claim; with {MIN_FORECAST_PEOPLE} the "
+            "power analysis says how many are needed"
         )
+    more_movements = f"{_record(found)} more movements of each person"
     if needed is None:
         return (
             f"more people will not show it transparent (people vary so much that {CERTIFICATE_SIZES[-1]} would not be "
-            "enough). Record more movements of each person, plan a study with a wider margin, or change the controller"
+            f"enough). {more_movements.capitalize()}, plan a study with a wider margin, or change the controller"
         )
     if needed > now:
         return (
-            f"record {_more_people(needed - now)}, {needed} in all: then 9 of 10 studies show that a robot which "
-            "changes nothing is transparent"
+            f"{_adding_text(found, needed, now)}: then 9 of 10 studies show that a robot which changes nothing is "
+            "transparent"
         )
     return (
         f"it may change movement, because {needed} people show a robot that changes nothing. Change the controller, or "
-        "record more movements of each person"
+        f"{more_movements}"
     )
+
+
+def _adding_text(found: AssessmentResult, needed: int, now: int) -> str:
+    """Return how to add people up to a number that is `needed`."""
+    where = f" ({_count_place(found)})" if found.rig_file else ""
+    return f"{_record(found)} {_more_people(needed - now)}, {needed} in all{where}"
+
+
+def _record(found: AssessmentResult) -> str:
+    return "simulate" if found.is_simulated else "record"
+
+
+def _count_place(found: AssessmentResult) -> str:
+    """Return where a study says how many people are simulated."""
+    return f"`count` in `[people]` of `{found.rig_file}`"
 
 
 def _more_people(count: int) -> str:
@@ -247,8 +263,8 @@ def _more_people_step(found: AssessmentResult, untold: Sequence[str]) -> Step:
             f"{', '.join(numbers)}"
         )
     if found.rig_file:
-        return Step(f"{text}. Raise `count` in `[people]` of `{found.rig_file}`, then simulate and assess again")
-    return Step(f"{text}. {'Simulate' if found.is_simulated else 'Record'} more people")
+        return Step(f"{text}. Raise {_count_place(found)}, then simulate and assess again")
+    return Step(f"{text}. {_record(found).capitalize()} more people")
 
 
 def _needed_words(needed: int | None, count: int) -> str:
@@ -261,7 +277,8 @@ def _margin_step(found: AssessmentResult) -> Step:
     count = len(found.participants)
     if found.has_margins or count == 1:
         tested = "margins" if found.has_margins else "conditions"
-        return Step(f"Record the next participant: {tested} are tested with two or more participants")
+        another = f"{_record(found).capitalize()} {'more people' if found.is_simulated else 'the next participant'}"
+        return Step(f"{another}: {tested} are tested with two or more participants")
     few = f" (a claim needs {MIN_PEOPLE} people at least)" if count < MIN_PEOPLE else ""
     return Step(
         f"To ask whether a condition is transparent{few}, state the allowed change of each index in "
@@ -278,8 +295,7 @@ def _basis(found: AssessmentResult) -> Basis:
         why = ", ".join(f"{n:,} {words}" for words, n in reasons.items()) if len(reasons) > 1 else next(iter(reasons))
         movements = f"{found.movements:,} of {found.movements + excluded:,} movements ({excluded:,} excluded: {why}"
         allowed = max((each.max_left_out for each in found.certified), default=1.0)
-        claim = "; a claim of transparency allows at most" if allowed < 1.0 else ""
-        movements += f"{claim} {100.0 * allowed:g} %)" if claim else ")"
+        movements += f"; a claim of transparency allows at most {100.0 * allowed:g} %)" if allowed < 1.0 else ")"
     return Basis(used, used + len(found.without), "participant", movements, more=(_plan_text(found),))
 
 
@@ -368,7 +384,7 @@ def _test_level(own: Certificate) -> str:
 
 def _tested_changes_text(findings: AssessmentResult) -> str:
     """Return the change, interval and margin of the end point that decides each condition, in a sentence."""
-    parts: list[tuple[str, str, str, str]] = []
+    parts: list[tuple[str, str, str, str, str]] = []
     for each in findings.certified:
         name = deciding_end_point(each)
         point, own = each.end_points[name], each.certificate.end_points[name]
@@ -378,15 +394,15 @@ def _tested_changes_text(findings: AssessmentResult) -> str:
         )
         ends = interval_with_unit(point, own).replace("-", MINUS_SIGN)
         margin = margin_text(point, own).replace("-", MINUS_SIGN)
-        parts.append((point.index.words, f"{each.condition} {{}}{shown}", ends, margin))
+        parts.append((each.condition, point.index.words, shown, ends, margin))
     people = f"{len(findings.participants)} people"
     level = _test_level(findings.certified[0].certificate)
-    words, _, _, margin = parts[0]
-    is_one, is_same_margin = ({each[i] for each in parts} == {parts[0][i]} for i in (0, 3))
+    (_, words, _, _, margin), *_ = parts
+    is_one, is_same_margin = ({each[i] for each in parts} == {parts[0][i]} for i in (1, 4))
     told = ", ".join(
-        shown.format("" if is_one else f"in {lowered(own)} ")
-        + (f" ({ends})" if is_same_margin else f" ({ends}, margin {limit})")
-        for own, shown, ends, limit in parts
+        f"{condition} {'' if is_one else f'in {lowered(own)} '}{shown} ({ends}"
+        f"{'' if is_same_margin else f', margin {limit}'})"
+        for condition, own, shown, ends, limit in parts
     )
     against = f"{words} against" if is_one else "Against"
     common = f"; margin {margin}" if is_same_margin else ""

@@ -270,7 +270,7 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
     if cut:
         return (
             f"{_undecided_text(undecided)} Some movements had not ended when the next target came "
-            f"({', '.join(cut)}): record movements until they settle."
+            f"({', '.join(cut)}): let movements settle before the next target."
         )
     more = (
         f"A study with about {each.needed} instead of {each.participants} people would show it with 90 % power, if the "
@@ -280,7 +280,7 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
         "change."
         if each.needed is not None
         else f"With this variation among people, no study of up to {CERTIFICATE_SIZES[-1]} people would show it: "
-        "measure more precisely, or record more movements."
+        "it needs more movements of each person, or a more precise measurement."
     )
     return f"{_undecided_text(undecided)} {more}"
 
@@ -368,9 +368,9 @@ DOUBT_REMEDIES = {
     PERIOD_DOUBT: "Have as many people begin with the robot as without it.",
     LEARNING_DOUBT: "Let people get used to it until movements no longer change.",
     LEFT_OUT_DOUBT: "Find out why targets have no movement.",
-    LOST_MOVEMENTS_DOUBT: "Find out why movements were excluded, and record again.",
-    UNEVEN_LOSSES_DOUBT: "Find out why one condition has more excluded movements than the other, and record again.",
-    LOST_PEOPLE_DOUBT: "Find out why people are missing, and record them again.",
+    LOST_MOVEMENTS_DOUBT: "Find out why movements were excluded, and repeat the sessions.",
+    UNEVEN_LOSSES_DOUBT: "Find out why more movements of one condition were excluded, and repeat the sessions.",
+    LOST_PEOPLE_DOUBT: "Find out why people are missing, and repeat their sessions.",
 }
 """Advice by doubt."""
 
