@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pellucid.study.study_place import RIG_FILE
+
 from .bench.rig import BenchRig
 from .elbow.rig import ElbowRig
-from .init import RIG_FILE
 from .known_rigs import load_rig
 
 SUBSTEPS = 8

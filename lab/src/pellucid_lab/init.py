@@ -7,11 +7,9 @@ from pathlib import Path
 
 from pellucid._atomic import write_text_atomically
 from pellucid._given import require_empty_folder
+from pellucid.study.study_place import RIG_FILE
 
 from .known_rigs import rig_names, rig_text
-
-RIG_FILE = "lab/rig.toml"
-"""File of a study's folder that describes its virtual rig."""
 
 
 def start_study(folder: str | os.PathLike, rig: str) -> Path:

@@ -12,8 +12,8 @@ from pathlib import Path
 from pellucid._errors import PellucidError, StudyError
 from pellucid._given import require_folder
 from pellucid.study.study import STUDY_FILE, Study
+from pellucid.study.study_place import RIG_FILE
 
-from .init import RIG_FILE
 from .known_rigs import parse_rig
 from .shipped_rigs import text_of_rig
 from .study import TRUTH_FILE, is_changed_by_hand, write_full_study

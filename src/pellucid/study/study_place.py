@@ -27,6 +27,9 @@ def checksum(path: Path) -> str:
 STUDY_FILE = "study.toml"
 """Name of the file that describes a study."""
 
+RIG_FILE = "lab/rig.toml"
+"""File of a study's folder that describes its virtual rig, from which `simulate` makes the recordings."""
+
 RESULTS_FILE = "results.json"
 """Name of the file with every figure that the commands printed."""
 

@@ -15,6 +15,7 @@ from ...files.fault import Fault
 from ...files.recording import Recording
 from ...study.procedures.procedure import CostedSteps, Progress, quiet
 from ...study.study import Study
+from ...study.study_place import RIG_FILE
 from ...units import Coordinate
 from ..analysis import Analysis
 from ..comparison import compare_conditions
@@ -85,10 +86,6 @@ def assess(
         study.name, study.recordings(), table, on_progress=tell, studies=studies, executor=executor,
         registered=registered_analysis(study), is_simulated=study.config.simulated is True, rig_file=_rig_file(study),
     )  # fmt: skip
-
-
-RIG_FILE = "lab/rig.toml"
-"""File of a study's folder from which `simulate` makes its recordings."""
 
 
 def _rig_file(study: Study) -> str:
