@@ -239,8 +239,8 @@ def _make_result(
 def _answer(found: Predicted) -> Answer:
     """Return whether a study would show that controllers change the leading index, by its own tests."""
     index, needed = leading_predicted_index(), 100.0 * found.confidence
-    parts, numbers = [], []
-    for law, share in found.studies.shown(index.name).items():
+    parts, numbers, shown = [], [], found.studies.shown(index.name)
+    for law, share in shown.items():
         low, middle, high = found.studies.interval(index.name, law)
         words, percent = condition_words(law), 100.0 * share
         parts.append(AnswerPart(words, "yes" if percent >= needed else "no", f"shown in {percent:.0f} % of studies"))
@@ -255,7 +255,7 @@ def _answer(found: Predicted) -> Answer:
         f"Would a study of {found.participants} people show that these controllers change {index.words}, against no "
         "robot?",
         "yes" if is_shown else "no",
-        _headline(found, index, f"{needed:.0f} % of simulated studies"),
+        _headline(found, index, shown),
         "" if is_shown else f"each change is shown in fewer than {needed:.0f} % of simulated studies",
         tuple(parts),
         tuple(numbers),
@@ -264,11 +264,12 @@ def _answer(found: Predicted) -> Answer:
     )
 
 
-def _headline(found: Predicted, index: PredictedIndex, share: str) -> str:
-    """Return in which share of studies each controller's change of an index is shown, and the change itself."""
-    shown = ", ".join(
+def _headline(found: Predicted, index: PredictedIndex, shown: Mapping[str, float]) -> str:
+    """Return in which share of studies, by law, the change of an index is `shown`, and the change itself."""
+    needed = f"{100.0 * found.confidence:.0f} %"
+    shares = ", ".join(
         f"{condition_words(law)} {Value(f'{row_id(found, index, law)}.shown', 100.0 * x, f'{100.0 * x:.0f}')} %"
-        for law, x in found.studies.shown(index.name).items()
+        for law, x in shown.items()
     )
     parts = []
     for law in found.prediction.laws:
@@ -278,8 +279,8 @@ def _headline(found: Predicted, index: PredictedIndex, share: str) -> str:
         told = " to ".join(map(str, ends))
         parts.append(f"{condition_words(law)} {Value(row, middle, number(middle, digits=3))} % ({told})")
     return (
-        f"Friedman's and Nemenyi's tests show it in this share of simulated studies: {shown}; yes needs "
-        f"{100.0 * found.confidence:.0f} %. Change, and what {share} measure: {', '.join(parts)}."
+        f"Friedman's and Nemenyi's tests show it in this share of simulated studies: {shares}; yes needs {needed}. "
+        f"Change, and what {needed} of simulated studies measure: {', '.join(parts)}."
     )
 
 
