@@ -19,7 +19,7 @@ from .._errors import PellucidError
 from .._tabular import columns_of, data_frame, html_table, text_table
 from .analysis import DEFAULT_MAX_LEFT_OUT, Analysis, EndPoint, Estimand, keywords_beside
 from .certificate import PASS, Certificate, LostCounts, PeoplesChanges, decide, too_many_lost
-from .certificate_text import change_text, interval_with_unit, p_text, people_text
+from .certificate_text import change_text, interval_level, interval_with_unit, p_text, people_text
 from .comparison import ConditionComparison, compare_conditions
 from .design_columns import DesignRole, columns_with_role, design_roles, level_of, too_many_levels
 from .equivalence import DEFAULT_CARRY_OVER, Equivalence, equivalence
@@ -138,7 +138,7 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         """Return in brackets why a certificate cannot say, or what its claim rests on."""
         own = self.certificates[condition]
         if own.verdict == PASS:
-            level = f"{100.0 * (1.0 - 2.0 * own.alpha):g} % interval"
+            level = f"{interval_level(own.alpha)} interval"
             said = [
                 f"{name} {change_text(own.point(name), test)}, {level} {interval_with_unit(own.point(name), test)}, "
                 f"{people_text(test.share_test(own.rule))}"

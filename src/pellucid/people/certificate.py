@@ -38,6 +38,7 @@ from ..numerics.block_test import holm
 from .analysis import ESTIMAND_METHODS, Analysis, EndPoint, Estimand
 from .certificate_text import (
     change_text,
+    interval_level,
     interval_with_unit,
     margin_text,
     p_text,
@@ -202,7 +203,7 @@ class Certificate:
         return made
 
     def _table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-        head = ("index", "change", f"{100.0 * (1.0 - 2.0 * self.alpha):g} % interval", "margin", "p within", "result",
+        head = ("index", "change", f"{interval_level(self.alpha)} interval", "margin", "p within", "result",
                 "people", "tipping point")  # fmt: skip
         rows = []
         for name, test in self.end_points.items():

@@ -79,6 +79,15 @@ def share_text(percent: float) -> str:
     return "> 99 %" if 99.0 < percent < 100.0 else f"{percent:.0f} %"
 
 
+def interval_level(alpha: float) -> str:
+    """Return the level of an equivalence test's intervals: two one-sided tests leave out alpha at each end.
+
+    >>> interval_level(0.05)
+    '90 %'
+    """
+    return f"{100.0 * (1.0 - 2.0 * alpha):g} %"
+
+
 def p_text(p: float) -> str:
     """Return a p value as tables have it."""
     return "< 0.001" if p < 0.001 else f"{p:.2g}"
@@ -120,7 +129,7 @@ def undecided_reason(point: EndPoint, test: Equivalence, rule: ShareRule = DEFAU
         margin = ["none" if np.isinf(end) else signed_text(point, end) for end in (test.margin.low, test.margin.high)]
         more = f" with a carry-over of up to {test.largest_carry_over:g} margins" if allowed else ""
         reasons.append(
-            f"the {100.0 * (1.0 - 2.0 * test.alpha):g} % interval of {n} people{more}, {ends[0]} to {ends[1]}{unit}, "
+            f"the {interval_level(test.alpha)} interval of {n} people{more}, {ends[0]} to {ends[1]}{unit}, "
             f"extends beyond the margin, {margin[0]} to {margin[1]}{unit}"
         )
     shares = test.share_test(rule)

@@ -11,8 +11,8 @@ import numpy as np
 from ...study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, AnswerVerdict, Basis, Step, reason_of_parts
 from ...study.pages.quantities import MINUS_SIGN
 from ...study.pages.values import Value
-from ..certificate import FAIL, PASS, Certificate
-from ..certificate_text import interval_with_unit, margin_text, p_statement
+from ..certificate import FAIL, PASS
+from ..certificate_text import interval_level, interval_with_unit, margin_text, p_statement
 from ..comparison import smallest_p
 from ..equivalence import BEYOND_MARGIN
 from ..indices import leading_index
@@ -340,7 +340,7 @@ def _numbers(found: AssessmentResult) -> list[AnswerNumber]:
             if (condition, name) in tests:
                 point, own = tests[condition, name]
                 low, high = map(point.shown, own.end_points[name].interval)
-                what, ends = f"{what}, {_test_level(own)} interval", (low, high)
+                what, ends = f"{what}, {interval_level(own.alpha)} interval", (low, high)
             made.append(AnswerNumber(what, change.value, change.unit or "1", ends, row))
     return made
 
@@ -377,11 +377,6 @@ def _changes_text(findings: AssessmentResult) -> str:
     return f"{words} against {findings.control}, {people}: {', '.join(parts)}.{_cut_text(findings)}"
 
 
-def _test_level(own: Certificate) -> str:
-    """Return the level of the intervals of an equivalence test: two one-sided tests leave out alpha at each end."""
-    return f"{100.0 * (1.0 - 2.0 * own.alpha):g} %"
-
-
 def _tested_changes_text(findings: AssessmentResult) -> str:
     """Return the change, interval and margin of the end point that decides each condition, in a sentence."""
     parts: list[tuple[str, str, str, str, str]] = []
@@ -396,7 +391,7 @@ def _tested_changes_text(findings: AssessmentResult) -> str:
         margin = margin_text(point, own).replace("-", MINUS_SIGN)
         parts.append((each.condition, point.index.words, shown, ends, margin))
     people = f"{len(findings.participants)} people"
-    level = _test_level(findings.certified[0].certificate)
+    level = interval_level(findings.certified[0].certificate.alpha)
     (_, words, _, _, margin), *_ = parts
     is_one, is_same_margin = ({each[i] for each in parts} == {parts[0][i]} for i in (1, 4))
     told = ", ".join(

@@ -17,7 +17,7 @@ from ...study.pages.forest import Estimate, forest_panel
 from ...study.pages.moving import MovingDrawing, Way, strokes
 from ...study.pages.quantities import MINUS_SIGN, name_words, unit_text
 from ...units import COORDINATES_BY_UNIT, Coordinate
-from ..certificate_text import change_figure
+from ..certificate_text import change_figure, interval_level
 from ..design_columns import DIRECTION_DOWN, DIRECTION_UP
 from ..movement_indices import Isochrony
 from .assessment_result import Assessed, Certified, Profile, Settling
@@ -303,7 +303,7 @@ def certificate_figure(certified: Sequence[Certified]) -> Drawing:
     tidy(axis, first=True, text="")
     axis.set_yticks(places, labels)
     alpha = certified[0].certificate.alpha
-    level = f"{100.0 * (1.0 - 2.0 * alpha):g} %"
+    level = interval_level(alpha)
     axis.set_xlabel(f"Change with its {level} interval, over the margin")
     return Drawing(
         "certificate",
@@ -343,12 +343,12 @@ def curves_figure(certified: Sequence[Certified], conditions: Sequence[str]) -> 
                 axis.set_title(each.condition, fontweight="bold")
             if kind == kinds[-1]:
                 axis.set_xlabel("Time of the movement (%)")
-    level = 100.0 * (1.0 - 2.0 * certified[0].certificate.alpha)
+    level = interval_level(certified[0].certificate.alpha)
     return Drawing(
         "curves",
         figure,
         "Change of curves from control, mean over participants, along the movement's direction; velocity and EMG in "
-        f"% of their maximum in control. Bands cover the whole mean curve with {level:g} % confidence; margins are "
+        f"% of their maximum in control. Bands cover the whole mean curve with {level} confidence; margins are "
         "shaded. Bars at the bottom mark times at which curves differ (sign-flip test over clusters, p at most 0.05).",
     )
 

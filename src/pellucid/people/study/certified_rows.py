@@ -27,6 +27,7 @@ from ..certificate import (
 from ..certificate_text import (
     carry_over_note,
     change_text,
+    interval_level,
     interval_text,
     p_statement,
     p_text,
@@ -77,7 +78,7 @@ def certificate_table(found: AssessmentResult) -> FigureTable:
                  people_text(own.share_test(each.certificate.rule)),
                  tipping_text(each.certificate.tipping_point(name), own))
             )  # fmt: skip
-    heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "Margin", "p within", "Result", "People",
+    heads = ("Condition", "Index", "Change", _interval_head(found), "Margin", "p within", "Result", "People",
              "Tipping point of carry-over")  # fmt: skip
     return FigureTable(
         f"Certificate of the {TEST_NAMES[found.certified[0].test]}, against the margins stated", heads, tuple(rows)
@@ -98,7 +99,7 @@ def beside_table(found: AssessmentResult) -> FigureTable:
                 said = "no answer" if failed else own.verdict
                 movements = model.movements if fitted else None
                 rows.append((each.condition, point.index.short, ANALYSIS_NAMES[test], *cells, spread, movements, said))
-    heads = ("Condition", "Index", "Analysis", "Change", f"{_share(found):g} % interval",
+    heads = ("Condition", "Index", "Analysis", "Change", _interval_head(found),
              "Standard deviation of people's changes", "Movements", "Said")  # fmt: skip
     return FigureTable("Sensitivity analyses (not used for verdicts)", heads, tuple(rows))
 
@@ -144,8 +145,8 @@ def _furthest(curve: CurveEndPoint) -> str:
     return f"{value:+.3g} {curve.unit} at {percent} %"
 
 
-def _share(found: AssessmentResult) -> float:
-    return 100.0 * (1.0 - 2.0 * found.certified[0].certificate.alpha)
+def _interval_head(found: AssessmentResult) -> str:
+    return f"{interval_level(found.certified[0].certificate.alpha)} interval"
 
 
 def _scaled(point: EndPoint, spread: float) -> float:
@@ -164,10 +165,9 @@ def _nearest_text(each: Certified) -> str:
 
     name = max(each.end_points, key=share)
     point, own = each.end_points[name], each.certificate.end_points[name]
-    level = 100.0 * (1.0 - 2.0 * each.certificate.alpha)
     return (
-        f"; nearest to its margin is {point.index.words.lower()}, {change_text(point, own)} ({level:g} % interval "
-        f"{interval_text(point, own)}, margin {point.stated})"
+        f"; nearest to its margin is {point.index.words.lower()}, {change_text(point, own)} ("
+        f"{interval_level(own.alpha)} interval {interval_text(point, own)}, margin {point.stated})"
     )
 
 
@@ -496,7 +496,7 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
         add("needed", each.needed, "1", "for 90 %, if nothing changes; none: more than 128")
         for name, point in each.end_points.items():
             part = own.end_points[name]
-            level = f"{100.0 * (1.0 - 2.0 * own.alpha):.4g} % interval"
+            level = f"{interval_level(own.alpha)} interval"
             _test_rows(name, point, part, add, TEST_NAMES[each.test], level, f"margin {point.stated}")
             add(f"{name}.p_beyond", own.beyond[name], "1", "after Holm")
             add(f"{name}.p_far", own.far.get(name), "1", "more people far beyond than 5 %, after Holm")
