@@ -405,13 +405,8 @@ def answer_of_parts(
     verdict = verdict_of_parts(parts)
     return Answer(
         question, verdict, said, reason_of_parts(parts) if parts else without_parts, tuple(parts), tuple(numbers),
-        basis, next=steps_after(verdict, next, improve), is_relative=is_relative,
+        basis, next=tuple(next if verdict == "yes" else improve), is_relative=is_relative,
     )  # fmt: skip
-
-
-def steps_after(verdict: AnswerVerdict, use: Sequence[Step], improve: Sequence[Step]) -> tuple[Step, ...]:
-    """Return what to do after a verdict: use a result that is good, and improve any other before it is used."""
-    return tuple(use if verdict == "yes" else improve)
 
 
 def answer_of_findings(headline: str, findings: Iterable[tuple[str, str]], question: str = USE_QUESTION) -> Answer:

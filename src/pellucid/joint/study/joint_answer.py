@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from ...models.estimates import Verdict
-from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Basis, Step, steps_after
+from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Basis, Step
 from ...study.pages.quantities import EFFORT_NAMES, number, percent
 from ...study.pages.values import Value
 from ...study.procedures.findings import (
@@ -86,15 +86,16 @@ JUST_WITHIN_SHARE = 0.1
 """An error is just within its bound if less than this share of the bound is left. Chosen by judgement."""
 
 SECOND_RECORDING_STEP = Step(
-    f"Record a second recording to hold out: a single one decides, and its error is just within {MAX_GOOD_ERROR:g} %"
+    f"Record a second recording to hold out: the verdict rests on a single one, whose error is just within "
+    f"{MAX_GOOD_ERROR:g} %"
 )
 """Next step where a single held-out recording decides by a small margin."""
 
-PAYLOAD_STEP = (
+PAYLOAD_TEXT = (
     "State the drive's constant, or record with a known payload too: until then, all parameters are per {unit}, and "
     "masses are not known"
 )
-"""Next step where the drive's constant is unknown."""
+"""Text of the next step where the drive's constant is unknown."""
 
 RICHER_STEP = Step(
     "Record slow and fast motion in both directions over the range of the held-out recordings, and add friction "
@@ -132,8 +133,10 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     numbers = [AnswerNumber(f"error of the {effort} on {judged}", error.number, "%", id=error.id)]
     if np.isfinite(r2):
         numbers.append(AnswerNumber(f"R2 on {judged}", r2, "1"))
-    before = _recording_steps(fit, is_close=bool(near))
-    steps = steps_after(verdict, (*before, CONTROLLER_STEP), improving_steps(fit.verdicts, RICHER_STEP))
+    if verdict == "yes":
+        steps = (*_recording_steps(fit, is_close=bool(near)), CONTROLLER_STEP)
+    else:
+        steps = improving_steps(fit.verdicts, RICHER_STEP)
     steps = steps if held else (HOLD_OUT_STEP, *steps)
     return Answer(
         question, verdict, said, reason, numbers=tuple(numbers), basis=_basis(fit, judged),
@@ -162,7 +165,7 @@ def _recording_steps(fit: JudgedJoint, *, is_close: bool) -> tuple[Step, ...]:
     if is_close and len(groups) == 1:
         steps.insert(0, SECOND_RECORDING_STEP)
     if any(v.finding == "drive_constant" and v.kind == "note" and v.do for v in fit.verdicts):
-        steps.append(Step(PAYLOAD_STEP.format(unit={"A": "ampere", "V": "volt"}.get(fit.effort_unit, fit.effort_unit))))
+        steps.append(Step(PAYLOAD_TEXT.format(unit="ampere" if fit.effort_unit == "A" else "volt")))
     return tuple(steps[:MAX_IMPROVING_STEPS])
 
 

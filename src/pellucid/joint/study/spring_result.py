@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...study.answer import Answer, AnswerNumber, Basis, Step, steps_after
+from ...study.answer import Answer, AnswerNumber, Basis, Step
 from ...study.pages.quantities import percent
 from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import Result
@@ -64,6 +64,6 @@ class SpringResult(Result):
                 AnswerNumber(f"error of the effort on {judged}", error, "%"),
             ),
             basis=Basis(count, count, judged=judged),
-            next=steps_after("yes" if good else "no", (Step(use),), (DEFLECTION_STEP,)),
+            next=(Step(use) if good else DEFLECTION_STEP,),
             is_relative=True,
         )

@@ -10,7 +10,7 @@ from ..._errors import IdentificationError
 from ...files.fault import Fault
 from ...models.estimates import Parameter, Verdict
 from ...numerics.gravity_holds import GravityFit, Hold, fit_gravity
-from ...study.answer import Answer, AnswerNumber, Basis, Step, steps_after
+from ...study.answer import Answer, AnswerNumber, Basis, Step
 from ...study.pages.page import Page, Section, Tile
 from ...study.pages.quantities import number, percent, unit_text
 from ...study.procedures.findings import MAX_GOOD_ERROR
@@ -27,6 +27,12 @@ NO_MOTION_VERDICT = Verdict(
     "Record a motion for those.",
 )
 """What no posture shows."""
+
+MOTION_STEP = Step("Record a motion: static postures show neither inertia nor friction")
+"""Next step with a weight that explains every posture."""
+
+POSTURES_STEP = Step("Record more postures, spread over the whole range, each reached from both directions")
+"""Next step with a weight that does not."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -122,11 +128,7 @@ def posture_answer(found: PostureResult) -> Answer:
             AnswerNumber(f"error of the effort on {judged}", error, "%"),
         ),
         basis=Basis(count, count, judged=judged),
-        next=steps_after(
-            "yes" if told else "no",
-            (Step("Record a motion: inertia and friction show in none of these postures"),),
-            (Step("Record more postures, spread over the whole range, each reached from both directions"),),
-        ),
+        next=(MOTION_STEP if told else POSTURES_STEP,),
         is_relative=True,
     )
 

@@ -26,7 +26,6 @@ from ....study.answer import (
     Basis,
     Step,
     reason_of_parts,
-    steps_after,
     verdict_of_parts,
 )
 from ....study.procedures.findings import MAX_IMPROVING_STEPS
@@ -333,6 +332,7 @@ def calibration_answer(result: CalibrationResult) -> Answer:
     verdict = verdict_of_parts(joints)
     count = len(result.checksums)
     more, exports = _worth_steps(result), _export_steps(result)
+    steps = (*exports[:1], *more, *exports[1:]) if verdict == "yes" else (*_improving(result, joints), *more)
     return Answer(
         f"Is torque estimated on held-out recordings with R² of {MIN_TORQUE_R2:g} or more?",
         verdict,
@@ -341,7 +341,7 @@ def calibration_answer(result: CalibrationResult) -> Answer:
         (*joints, *adds),
         tuple(numbers),
         Basis(count, count, judged=_judged_words(result)),
-        next=steps_after(verdict, (*exports[:1], *more, *exports[1:]), (*_improving(result, joints), *more)),
+        next=steps,
     )
 
 

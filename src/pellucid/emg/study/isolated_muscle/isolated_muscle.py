@@ -22,7 +22,7 @@ from ....models.estimates import Parameter, Verdict
 from ....numerics.posterior.ensemble import require_sampler
 from ....numerics.posterior.posterior import Posterior
 from ....numerics.searches.scalar_search import minimise_on_interval
-from ....study.answer import PAPER_STEP, Answer, AnswerNumber, Basis, Step, steps_after
+from ....study.answer import PAPER_STEP, Answer, AnswerNumber, Basis, Step
 from ....study.procedures.posterior_beside import (
     pair_with_posterior,
     posterior_rows,
@@ -153,8 +153,8 @@ def isolated_answer(fit: IsolatedMuscleFit, study: str = "") -> Answer:
             ("elastic", elastic, "heldout.mae_percent"), ("rigid", rigid, "rigid.heldout.mae_percent"),
         )
     )  # fmt: skip
-    steps = steps_after("no" if reason else "yes", (PAPER_STEP,), (STRETCH_STEP,))
-    return Answer(question, "no" if reason else "yes", said, reason, (), numbers, basis, next=steps)
+    step = STRETCH_STEP if reason else PAPER_STEP
+    return Answer(question, "no" if reason else "yes", said, reason, (), numbers, basis, next=(step,))
 
 
 STRETCH_STEP = Step("Record larger amplitudes and higher forces: the stretch of the tendon shows there")

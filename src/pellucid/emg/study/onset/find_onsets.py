@@ -17,7 +17,7 @@ from ...._given import csv_cell
 from ....files.fault import Fault
 from ....files.recording import Recording
 from ....models.estimates import Verdict
-from ....study.answer import PAPER_STEP, Answer, AnswerPart, Basis, Step, reason_of_parts, steps_after
+from ....study.answer import PAPER_STEP, Answer, AnswerPart, Basis, Step, reason_of_parts
 from ....study.drawing.drawing import outline
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
@@ -212,7 +212,7 @@ def onset_answer(result: OnsetResult) -> Answer:
         f"{len(parts)} not found: {reason_of_parts(parts)}" if parts else "",
         tuple(parts),
         basis=Basis(recordings, recordings),
-        next=steps_after("no" if parts else "yes", (PAPER_STEP,), (*raw_emg_steps(enveloped), REST_STEP)),
+        next=(*raw_emg_steps(enveloped), REST_STEP) if parts else (PAPER_STEP,),
     )
 
 

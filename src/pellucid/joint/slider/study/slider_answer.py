@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....study.answer import Answer, AnswerNumber, Basis, Step, steps_after
+from ....study.answer import Answer, AnswerNumber, Basis, Step
 from ....study.pages.quantities import number
 from ....study.pages.values import Value
 from ....study.procedures.findings import MAX_BODY_ERROR_RATIO
@@ -13,9 +13,12 @@ from ..slider_fit import SliderFit
 EXPORT_STEP = Step("Export a controller", "export", ("--controller", "transparent"))
 """Next step with one body that predicts."""
 
+HOLD_OUT_STEP = Step('Hold out some trials (write `use = "validate"` in study.toml), then', "check")
+"""Next step if no trial is held out."""
+
 BODY_STEP = Step(
-    "Record slow and fast trials in both directions at more places of the carriage: friction that depends on direction "
-    "in another way than by load separates the two models"
+    "Record slow and fast trials in both directions at more positions of the carriage: friction that depends on the "
+    "direction and not only on the load makes the two models differ"
 )
 """Next step with one body that predicts worse than two directions."""
 
@@ -47,11 +50,7 @@ def slider_answer(fit: SliderFit) -> Answer:
             for method, value in (("one body", body), ("each direction", sets), ("one set", one))
         ),
         basis=Basis(recordings, recordings, judged=f"{trials} {use} trials"),
-        next=(
-            (Step('Hold out some trials (write `use = "validate"` in study.toml), then', "check"),)
-            if not is_held
-            else steps_after("yes" if holds else "no", (EXPORT_STEP,), (BODY_STEP,))
-        ),
+        next=(HOLD_OUT_STEP if not is_held else EXPORT_STEP if holds else BODY_STEP,),
     )
 
 
