@@ -84,9 +84,8 @@ def _card_name(name: str, joint: str) -> str:
     return f"{kind}_{joint}{dot}{rest}"
 
 
-def heldout_text(found: Result) -> str:
-    """Return the error where a joint was not fitted in words; "" if none was found."""
-    answer = found.make_answer()
+def heldout_text(answer: Answer) -> str:
+    """Return the error in the answer of a joint in words; "" if it has none."""
     shown = next((percent(number.value) for number in answer.numbers if number.unit == "%"), "")
     return f"{shown} %" if shown else ""
 
@@ -110,7 +109,10 @@ def joint_table(
     for joint in joint_views(study):
         own = found.get(joint, {})
         cells = [_cell(own.get(name), level) for name in names]
-        state = heldout_text(joints[joint]) if joint in joints else "not moved" if joint in resting else "left out"
+        if joint in joints:
+            state = heldout_text(joints[joint].make_answer())
+        else:
+            state = "not moved" if joint in resting else "left out"
         rows.append((joint, *cells, state))
     heads = ("joint", *(name.replace("_", " ") for name in names), "held-out error")
     return FigureTable(
@@ -124,26 +126,34 @@ def _cell(parameter: Parameter | None, level: float) -> str:
     return f"{value_and_half_interval(parameter, level)} {unit_text(parameter.unit)}".rstrip()
 
 
-def _improving(found: EachJointResult) -> tuple[Step, ...]:
-    """Return the first step that improves each joint whose model does not predict."""
-    first = {joint: each.next[:1] for joint, each in ((j, r.make_answer()) for j, r in found.joints.items())
-             if each.verdict != "yes"}  # fmt: skip
-    return tuple(replace(step, text=f"{joint}: {step.text}") for joint, steps in first.items() for step in steps)
+def _improving(answers: Mapping[str, Answer]) -> tuple[Step, ...]:
+    """Return the first step that improves each joint whose model does not predict, from the answers by joint."""
+    return tuple(
+        _of_joint(joint, step) for joint, each in answers.items() if each.verdict != "yes" for step in each.next[:1]
+    )
 
 
-def _recording_steps(found: EachJointResult) -> tuple[Step, ...]:
-    """Return what to record, by joint, before the models that predict are used."""
-    own = {joint: result.make_answer() for joint, result in found.joints.items()}
-    steps = [replace(step, text=f"{joint}: {step.text}") for joint, each in own.items() if each.verdict == "yes"
-             for step in each.next if not step.command]  # fmt: skip
+def _recording_steps(answers: Mapping[str, Answer]) -> tuple[Step, ...]:
+    """Return what to record before the models that predict are used, from the answers by joint."""
+    steps = [
+        _of_joint(joint, step)
+        for joint, each in answers.items()
+        if each.verdict == "yes"
+        for step in each.next
+        if not step.command
+    ]
     return tuple(steps[:MAX_IMPROVING_STEPS])
+
+
+def _of_joint(joint: str, step: Step) -> Step:
+    return replace(step, text=f"{joint}: {step.text}")
 
 
 def each_joint_answer(found: EachJointResult) -> Answer:
     """Return whether each joint's own model predicts its effort where it was not fitted."""
     answers = {joint: result.make_answer() for joint, result in found.joints.items()}
     parts = [
-        AnswerPart(joint, each.verdict, each.reason or heldout_text(found.joints[joint]) or each.sentence)
+        AnswerPart(joint, each.verdict, each.reason or heldout_text(each) or each.sentence)
         for joint, each in answers.items()
     ]
     parts += [AnswerPart(joint, "cannot say", f"excluded: {why}") for joint, why in found.left_out.items()]
@@ -165,7 +175,7 @@ def each_joint_answer(found: EachJointResult) -> Answer:
         parts,
         numbers,
         Basis(recordings, recordings, judged=" and ".join(filter(None, judged))),
-        improve=(*_improving(found), ROBOT_STEP),
-        next=(*_recording_steps(found), ROBOT_STEP),
+        improve=(*_improving(answers), ROBOT_STEP),
+        next=(*_recording_steps(answers), ROBOT_STEP),
         is_relative=True,
     )
