@@ -27,6 +27,7 @@ from matplotlib.text import Annotation
 from matplotlib.ticker import FuncFormatter, LogFormatter, MaxNLocator, NullFormatter, ScalarFormatter
 
 from ..._atomic import write_bytes_atomically, write_text_atomically
+from ..pages.quantities import MINUS_SIGN, SUPERSCRIPT_DIGITS
 from .style import COLOURS, FIGURE_WIDTH, MATPLOTLIB_SETTINGS, SANS_SERIF_FONTS, colour
 
 LINE_POINTS = 900
@@ -89,11 +90,6 @@ DOT_POINTS = 1400
 
 VALUE_GID_PREFIX = "value:"
 """Beginning of the gid of a text that shows a number of results.json; the rest is the id of its row."""
-
-_SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-MINUS = "\N{MINUS SIGN}"
-"""The sign that Matplotlib writes before negative numbers."""
 
 _LONG_NUMBER_PATTERN = re.compile(r"-?\d+\.\d{3,}")
 
@@ -218,7 +214,7 @@ class _WrittenOut(ScalarFormatter):
         text, _, exponent = f"{super().__call__(x, pos)}{super().get_offset()[1:]}".partition("e")
         if not exponent or not x:
             return text
-        return f"{text}×10{exponent.replace(MINUS, '-').translate(_SUPERSCRIPT_DIGITS)}"
+        return f"{text}×10{exponent.replace(MINUS_SIGN, '-').translate(SUPERSCRIPT_DIGITS)}"
 
     def get_offset(self) -> str:
         return ""
@@ -239,7 +235,7 @@ def _plain_power(value: float) -> str:
     exponent = round(np.log10(value))
     if -3 <= exponent <= 4 or not np.isclose(value, 10.0**exponent, rtol=1e-6, atol=0.0):
         return f"{value:g}"
-    return f"10{str(exponent).translate(_SUPERSCRIPT_DIGITS)}"
+    return f"10{str(exponent).translate(SUPERSCRIPT_DIGITS)}"
 
 
 def one_panel(height: float) -> tuple[Figure, Axes]:

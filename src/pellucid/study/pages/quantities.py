@@ -19,7 +19,9 @@ MINUS_SIGN = "\N{MINUS SIGN}"
 
 _NEGATIVE_ZERO_PATTERN = re.compile(r"(?<![\w.^)-])[-\N{MINUS SIGN}](0(?:\.0+)?)(?!\w|\.\d)")
 """A number that was rounded to zero, with a minus sign."""
-_TO_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+"""Translation of the digits of an exponent."""
 
 PARAMETER_LABELS: Mapping[str, str] = MappingProxyType(
     {
@@ -77,7 +79,7 @@ def unit_text(unit: str) -> str:
     text = head
     for part in powers:
         digits = len(part) - len(part.lstrip("-0123456789"))
-        text += part[:digits].translate(_TO_SUPERSCRIPT) + part[digits:]
+        text += part[:digits].translate(SUPERSCRIPT_DIGITS) + part[digits:]
     return text.replace("*", "·")
 
 
@@ -121,7 +123,7 @@ def number(value: float, uncertainty: float = math.nan, digits: int = 4) -> str:
     if rounded != 0.0 and (not fits or abs(rounded) >= 1e6):
         exponent = int(f"{rounded:e}".split("e")[1])
         mantissa = f"{rounded / 10.0**exponent:.{max(decimals + exponent, 0)}f}"
-        text = f"{mantissa}×10{str(exponent).translate(_TO_SUPERSCRIPT)}"
+        text = f"{mantissa}×10{str(exponent).translate(SUPERSCRIPT_DIGITS)}"
     else:
         text = f"{0.0 if rounded == 0.0 else rounded:.{max(min(decimals, 6 if rounded == 0.0 else 9), 0)}f}"
     return text.replace("-", MINUS_SIGN)
