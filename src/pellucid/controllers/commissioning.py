@@ -20,8 +20,7 @@ from typing import Protocol
 import numpy as np
 
 from .._errors import PellucidError
-from ..models.fields import model_fields
-from .supervised import SupervisedLaw
+from .supervised import TEST_SAMPLE_BOUNDS, SupervisedLaw
 
 MIN_STARTS = 3
 """Smallest number of starts of which a spread can be told."""
@@ -326,9 +325,6 @@ A rotor before a soft transmission follows a wave of frequency f too readily, by
 resonance: a wave of twice the duration has a quarter of that error.
 """
 
-LONGEST_HALF_WAVE = next(each.upper for each in model_fields("supervisor") if each.name == "test_samples")
-"""Largest number of periods in half a wave that the core accepts."""
-
 EMPTY_START_S = 1.2
 """Time of one start of a robot that nobody wears."""
 
@@ -348,7 +344,7 @@ def record_starts(robot: Robot, law: SupervisedLaw, count: int, *, worn: bool, w
     Where nobody wears the robot, each start ends with its wave, whatever that shows; the wave is longer than the law's
     by `wave_factor`. Of a `worn` one the last goes on for `MOVED_S`.
     """
-    half_wave = min(wave_factor * law.supervision["test_samples"], LONGEST_HALF_WAVE)
+    half_wave = min(wave_factor * law.supervision["test_samples"], TEST_SAMPLE_BOUNDS[1])
     played = law if worn else law.changed(**WHATEVER_IT_SHOWS, test_samples=half_wave)
     period = law.values["period"]
     made = []

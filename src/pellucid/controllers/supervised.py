@@ -209,7 +209,9 @@ TEST_HALF_WAVE_S = 0.032
 TEST_REST_S = 0.1
 """The joint must rest for this time before the start-up test."""
 
-TEST_SAMPLE_BOUNDS = (8, 200)
+TEST_SAMPLE_BOUNDS = next(
+    (int(each.lower), int(each.upper)) for each in model_fields("supervisor") if each.name == "test_samples"
+)
 """Smallest and largest number of periods in half a wave of the test that the core accepts."""
 
 WEARER_TORQUE_SHARE = 0.15
