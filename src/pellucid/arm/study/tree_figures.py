@@ -487,8 +487,12 @@ def _meeting_joints(tree: Tree, position: np.ndarray) -> str:
     reach = max(float(np.ptp(places.reshape(-1, 3), axis=0).max()), 1e-9)
     groups: list[list[int]] = []
     for k in range(len(moving)):
-        met = [g for g in groups if np.abs(places[:, k] - places[:, g[0]]).max() <= MEETING_SHARE * reach]
-        (met[0] if met else groups.append([]) or groups[-1]).append(k)
+        met = (g for g in groups if np.abs(places[:, k] - places[:, g[0]]).max() <= MEETING_SHARE * reach)
+        group = next(met, None)
+        if group is None:
+            groups.append([k])
+        else:
+            group.append(k)
     shared = [listed_names([short(tree.moving[k].name) for k in g], len(g)) for g in groups if len(g) > 1]
     return f" One circle stands for {'; one for '.join(shared)}." if shared else ""
 
