@@ -320,7 +320,7 @@ def tree_answer(found: TreeResult) -> Answer:
         f"{said}.",
         parts,
         numbers,
-        Basis(recordings, recordings, judged=_judged_words(found)),
+        Basis(recordings, recordings, judged=_judged_words(found), held_out=_held_out_count(found)),
         improve=_improving(found, parts),
         next=(*steps_before_use(found.verdicts, UNIDENTIFIED_FINDINGS), Step("Export a controller", "export")),
         is_relative=True,
@@ -330,10 +330,15 @@ def tree_answer(found: TreeResult) -> Answer:
 def _judged_words(found: TreeResult) -> str:
     """Return the data of the errors in words, with their number where they were not fitted."""
     words = ROW_KIND_DESCRIPTIONS[found.judged]
-    held = len({trace.recording for trace in found.traces if trace.use == "validate"})
-    if found.judged == "heldout":
+    held = _held_out_count(found)
+    if held:
         return "one held-out recording" if held == 1 else f"{held} {words}"
     return f"{found.segments} {words}" if found.judged == "segments_out" else words
+
+
+def _held_out_count(found: TreeResult) -> int:
+    """Return the number of held-out recordings that the errors are of."""
+    return len({each.recording for each in found.traces if each.use == "validate"}) if found.judged == "heldout" else 0
 
 
 def _improving(found: TreeResult, parts: Sequence[AnswerPart]) -> tuple[Step, ...]:

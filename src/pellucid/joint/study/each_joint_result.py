@@ -164,7 +164,8 @@ def each_joint_answer(found: EachJointResult) -> Answer:
     said += needed_of_parts(parts)
     said += "".join(f"; {part.name}: {part}" for part in parts if part.verdict != "yes")
     said += f"; not moved: {', '.join(found.resting)}" if found.resting else ""
-    judged = dict.fromkeys(each.basis.judged for each in answers.values() if each.basis is not None)
+    bases = [each.basis for each in answers.values() if each.basis is not None]
+    judged = dict.fromkeys(basis.judged for basis in bases)
     recordings = len(found.checksums)
     numbers = [
         replace(number, what=f"{joint}: {number.what}") for joint, each in answers.items() for number in each.numbers
@@ -174,7 +175,12 @@ def each_joint_answer(found: EachJointResult) -> Answer:
         f"{said}.",
         parts,
         numbers,
-        Basis(recordings, recordings, judged=" and ".join(filter(None, judged))),
+        Basis(
+            recordings,
+            recordings,
+            judged=" and ".join(filter(None, judged)),
+            held_out=max((basis.held_out for basis in bases), default=0),
+        ),
         improve=(*_improving(answers), ROBOT_STEP),
         next=(*_recording_steps(answers), ROBOT_STEP),
         is_relative=True,

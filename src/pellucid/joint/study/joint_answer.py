@@ -112,8 +112,7 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     """
     error, r2 = headline_error(fit), unfitted_r2(fit)
     effort = EFFORT_NAMES.get(fit.effort_unit, "effort").lower()
-    held = [p for p in fit.headlined.predictions if p.split == "heldout"]
-    judged = judged_words(fit)
+    held, judged = _held_out_recordings(fit), judged_words(fit)
     question = f"Does the model predict the {effort} of data not used in the fit within {MAX_GOOD_ERROR:g} %?"
     model = f"The {fit.best} friction model of the {fit.joint}"
     if not judged:
@@ -155,7 +154,7 @@ def _margin_text(fit: JudgedJoint, error: float) -> str:
 
 def _recording_steps(fit: JudgedJoint, *, is_close: bool) -> tuple[Step, ...]:
     """Return what to record before a model that predicts is used."""
-    groups = by_recording([p for p in fit.headlined.predictions if p.split == "heldout"])
+    groups = _held_out_recordings(fit)
     steps = [*steps_before_use(fit.verdicts, UNIDENTIFIED_FINDINGS)]
     errors = {group[0].recording: pooled_error(group) for group in groups} if len(groups) > 1 else {}
     worst = max(errors, key=errors.__getitem__, default="")
@@ -178,15 +177,20 @@ def _verdict(error: float, r2: float, judged: str) -> tuple[AnswerVerdict, str]:
     return "yes", ""
 
 
-def _basis(fit: JudgedJoint, judged: str) -> Basis | None:
-    """Return what the numbers are based on; None where the study counts its recordings itself."""
+def _basis(fit: JudgedJoint, judged: str) -> Basis:
+    """Return what the numbers are based on."""
     count = len(fit.checksums)
-    return Basis(count, count, judged=judged)
+    return Basis(count, count, judged=judged, held_out=len(_held_out_recordings(fit)))
+
+
+def _held_out_recordings(fit: JudgedJoint) -> list[list[Prediction]]:
+    """Return the predictions of held-out stretches, grouped by recording."""
+    return by_recording([p for p in fit.headlined.predictions if p.split == "heldout"])
 
 
 def judged_words(fit: JudgedJoint) -> str:
     """Return in words the data that were not fitted and tell the error; "" if there are none."""
-    held = by_recording([p for p in fit.headlined.predictions if p.split == "heldout"])
+    held = _held_out_recordings(fit)
     if held:
         return "held-out data" if len(held) == 1 else f"{len(held)} held-out recordings"
     return STRETCHES_OUT if np.isfinite(fit.crossed_error[0]) else ""
@@ -233,8 +237,7 @@ def error_range_text(fit: JudgedJoint) -> str:
 
     Where some recordings lie beyond the bound of a good prediction, the others are counted.
     """
-    held = [p for p in fit.headlined.predictions if p.split == "heldout"]
-    single = [percent(pooled_error(group)) for group in by_recording(held)]
+    single = [percent(pooled_error(group)) for group in _held_out_recordings(fit)]
     if len(single) < 2 or not all(map(_is_number, single)):
         return ""
     spread = sorted(single, key=float)

@@ -63,7 +63,7 @@ class SpringResult(Result):
                 AnswerNumber("stiffness", stiffness.value, stiffness.unit, stiffness.interval(self.confidence)),
                 AnswerNumber(f"error of the effort on {judged}", error, "%"),
             ),
-            basis=Basis(count, count, judged=judged),
+            basis=Basis(count, count, judged=judged, held_out=len(held)),
             next=(Step(use) if good else DEFLECTION_STEP,),
             is_relative=True,
         )

@@ -27,9 +27,6 @@ from .procedure import typed_command
 from .registry import asked
 from .result import Result
 
-HELD_OUT_WORDS = ("held-out recording", "held-out data")
-"""Words of data that are all held-out recordings of a study; a domain names other ones, such as segments."""
-
 REPORT_STEP = Step("Draw the page", REPORT_COMMAND)
 """Step after every result: nothing was drawn yet."""
 
@@ -80,9 +77,9 @@ def _counted(study: Study, found: Result, basis: Basis | None, left_out: Collect
     held = sum(recording.use == "validate" for recording in used)
     if basis is None:
         return replace(counted, held_out=held)
-    held = held if any(words in basis.judged for words in HELD_OUT_WORDS) else 0
     refused = basis.recorded - basis.used
-    return replace(counted, used=counted.used - refused, judged=basis.judged, held_out=held)
+    held_out = held if basis.held_out else 0
+    return replace(counted, used=counted.used - refused, judged=basis.judged, held_out=held_out)
 
 
 def count_recordings(study: Study, used: Collection[str]) -> Basis:

@@ -340,7 +340,7 @@ def calibration_answer(result: CalibrationResult) -> Answer:
         reason_of_parts(joints) or ("" if joints else "no recording was held out"),
         (*joints, *adds),
         tuple(numbers),
-        Basis(count, count, judged=_judged_words(result)),
+        Basis(count, count, judged=_judged_words(result), held_out=len(_held_out_names(result))),
         next=steps,
     )
 
@@ -409,12 +409,16 @@ def _improving(result: CalibrationResult, joints: Sequence[AnswerPart]) -> tuple
 
 def _judged_words(result: CalibrationResult) -> str:
     """Return the data of the errors in words, with their number."""
-    judged = [e for each in result.chosen for e in each.judged]
-    held = {e.recording for e in judged} - {""}
+    held = _held_out_names(result)
     if held:
         return "one held-out recording" if len(held) == 1 else f"{len(held)} held-out recordings"
-    trials = len({name for e in judged for name in e.by_trial}) or len(result.checksums)
+    trials = len({name for each in result.chosen for e in each.judged for name in e.by_trial}) or len(result.checksums)
     return f"{trials} trials by cross-validation"
+
+
+def _held_out_names(result: CalibrationResult) -> set[str]:
+    """Return the held-out recordings that the errors are of."""
+    return {e.recording for each in result.chosen for e in each.judged} - {""}
 
 
 def _gain_words(worth: EmgWorth) -> str:

@@ -165,7 +165,7 @@ def synergies_answer(result: SynergiesResult) -> Answer:
         result.headline,
         parts,
         numbers,
-        Basis(recordings, recordings, judged=held),
+        Basis(recordings, recordings, judged=held, held_out=len(judged) if len(judged) > 1 else 0),
         improve=(
             Step("Fit more movements like the held-out ones, at the same speed and load: synergies of too few do not "
                  "account for others"),

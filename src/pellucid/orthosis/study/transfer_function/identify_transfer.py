@@ -225,14 +225,15 @@ def transfer_answer(found: TransferResult) -> Answer:
         )
     count = len(found.checksums)
     judged = "held-out data" if outside else ""
-    if outside and set(found.heldout) <= set(found.single):
+    unfitted = set(found.heldout) - set(found.single)
+    if outside and not unfitted:
         judged = f"held-out data: the last {percent(100.0 * TRANSFER_THRESHOLDS.held_out_share)} % of each recording"
     return answer_of_parts(
         f"Do the transfer functions predict held-out data with a fit of {least:g} % or more?",
         f"{said}.",
         parts,
         [AnswerNumber(f"fit of {name} on held-out data", r.fit, "%") for name, r in found.heldout.items()],
-        Basis(count - len(found.refused), count, judged=judged),
+        Basis(count - len(found.refused), count, judged=judged, held_out=len(unfitted)),
         improve=_improving(found, [part.name for part in parts if part.verdict == "no"]),
         without_parts="no data could be held out",
         is_relative=True,
