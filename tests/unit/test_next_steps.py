@@ -13,7 +13,7 @@ from pellucid.emg.study.emg_torque import calibrate
 from pellucid.models.estimates import Verdict
 from pellucid.orthosis.study.transfer_function import identify_transfer
 from pellucid.people.study.statements import rule_words
-from pellucid.study.answer import Answer, AnswerPart, Step, answer_of_parts, next_lines
+from pellucid.study.answer import Answer, AnswerPart, Basis, Step, answer_of_parts, next_lines
 from pellucid.study.procedures import complete_answer as module
 from pellucid.study.procedures.findings import improving_steps
 from pellucid.study.procedures.result import Result
@@ -189,3 +189,16 @@ def test_angles_alone_are_named_where_emg_adds_nothing(answers, begins):
     worth = [SimpleNamespace(what=what, worth=SimpleNamespace(answer=answer)) for what, answer in answers.items()]
     steps = calibrate._worth_steps(SimpleNamespace(worth=worth))
     assert [step.text.startswith(begins) for step in steps] == ([True] if begins else [])
+
+
+@pytest.mark.parametrize(
+    ("stated", "counted"),
+    [(Basis(3, 3, judged="held-out data: the last 33 % of each recording"), 0), (Basis(3, 3, held_out=2), 1)],
+)
+def test_held_out_recordings_are_counted_where_the_numbers_are_of_them(monkeypatch, stated, counted):
+    """The words "held-out data" of the last third of each recording were replaced by a number of recordings."""
+    names = {"a": "fit", "b": "fit", "c": "validate"}
+    study = SimpleNamespace(recordings=lambda: [SimpleNamespace(name=name, use=use) for name, use in names.items()])
+    monkeypatch.setattr(module, "count_recordings", lambda study, used: Basis(len(used), len(names)))
+    basis = module._counted(study, SimpleNamespace(checksums=dict.fromkeys(names, "")), stated, ())
+    assert (basis.held_out, basis.judged) == (counted, stated.judged)
