@@ -33,7 +33,7 @@ from ....study.procedures.procedure import CostedSteps, Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND, Examination, run_tests_if_candidate
-from ...estimators.cross_validation import Score, covered_share, score
+from ...estimators.cross_validation import Score, score
 from ...estimators.emg_worth import EmgWorth
 from ...estimators.families import ESTIMATOR_FAMILIES, STACKED, named_family
 from ...estimators.hill import HillMap
@@ -511,13 +511,8 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
             half = _together(fit.half_width(t) for t, _, _ in used) if shows else None
             unrepaired = _together(fit.predict(t) for t in pieces) if changed and again else None
             found.evaluated.append(
-                EstimatorEvaluation(
-                    joint, name, causal, recording, score(torque, made), fit.choice.score, fit.choice.words,
-                    examined=away,
-                    seconds=fit.fit.seconds if isinstance(fit, HillMap) else None,
-                    coverage=None if half is None else covered_share(torque, made, half),
-                    held=None if away is None else covered_share(torque, made, away.half_width),
-                    partial=findings.partial_errors(torque, made) if isinstance(fit, HillMap) else (),
+                findings.evaluate_on_recording(
+                    joint, name, causal, recording, torque, made, fit, away, half,
                     without_changed=without,
                     as_recorded=None if unrepaired is None else score(torque, unrepaired),
                     repaired=repaired,

@@ -19,6 +19,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,7 @@ from ...estimators.families import ESTIMATOR_FAMILIES, STACKED, named_family
 from ...estimators.families.family import Family
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness, joint_stiffness
-from ...estimators.torque_map import CrossValidated
+from ...estimators.torque_map import CrossValidated, TorqueMap
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.muscle_calibration import DELAY_BOUNDS, MuscleFit
 from ...fit.muscle_posterior import covariance, muscle_parameters, muscle_verdicts, reported_covariance
@@ -284,6 +285,35 @@ def _evaluate_mean(
         alike, estimator=STACKED, score=score(trace.reference, made), choice=words, examined=None, within=None,
         seconds=None, coverage=None, partial=(), without_changed=None, as_recorded=None,
         held=covered_share(trace.reference, made, half_width),
+    )  # fmt: skip
+
+
+def evaluate_on_recording(
+    what: str,
+    estimator: str,
+    causal: bool,
+    recording: str,
+    reference: np.ndarray,
+    predicted: np.ndarray,
+    fit: TorqueMap,
+    examined: ConditionTestErrors | None,
+    half_width: np.ndarray | None,
+    **others: Any,
+) -> EstimatorEvaluation:
+    """Return the evaluation of a fitted estimator on a held-out recording, all arrays of shape (n,) [N m].
+
+    `half_width` is that of the 95 % interval about the prediction; None if the estimator has none. `others` are further
+    fields of the evaluation.
+    """
+    muscles = isinstance(fit, HillMap)
+    return EstimatorEvaluation(
+        what, estimator, causal, recording, score(reference, predicted), fit.choice.score, fit.choice.words,
+        examined=examined,
+        seconds=fit.fit.seconds if muscles else None,
+        coverage=None if half_width is None else covered_share(reference, predicted, half_width),
+        held=None if examined is None else covered_share(reference, predicted, examined.half_width),
+        partial=partial_errors(reference, predicted) if muscles else (),
+        **others,
     )  # fmt: skip
 
 

@@ -14,9 +14,7 @@ import numpy as np
 
 from ...._errors import IdentificationError
 from ....emg.estimators.condition_choice import run_tests_if_candidate
-from ....emg.estimators.cross_validation import covered_share, score
 from ....emg.estimators.families import ESTIMATOR_FAMILIES
-from ....emg.estimators.hill import HillMap
 from ....emg.estimators.torque_map import fit_torque_map
 from ....emg.estimators.torque_trial import FIBRE_DAMPING, SEATED_POSTURE_RAD, MuscleSource, TorqueTrial
 from ....emg.models.muscle_geometry import muscle_table
@@ -24,10 +22,9 @@ from ....emg.signals.emg_chain import EmgChain, emg_chain
 from ....emg.study.emg_torque.emg_torque_table import EmgTorqueTable
 from ....emg.study.emg_torque.torque_findings import (
     CalibrationFindings,
-    EstimatorEvaluation,
     TorqueTrace,
+    evaluate_on_recording,
     find_applicable_estimators,
-    partial_errors,
 )
 from ....emg.study.emg_torque.trial_sources import TorqueEvaluation
 from ....emg.study.muscle_channels import study_chain
@@ -156,24 +153,18 @@ def _evaluate_person(
     for j, name in enumerate(names):
         tell(f"{who}, {ESTIMATOR_FAMILIES[name].description}", j / len(names))
         fit = fit_torque_map(fitted, name)
-        shown, muscles = ESTIMATOR_FAMILIES[name].shows_muscles, isinstance(fit, HillMap)
+        shown = ESTIMATOR_FAMILIES[name].shows_muscles
         away = run_tests_if_candidate(fit, fitted)
         if shown:
             found.muscles[who], found.shown[who] = fit, held[0]
         for trial in held:
             torque = made[trial.name][name] = fit.predict(trial)
+            width = fit.half_width(trial) if shown else None
             if shown:
-                half.setdefault(trial.name, {})[name] = fit.half_width(trial)
+                half.setdefault(trial.name, {})[name] = width
             found.evaluated.append(
-                EstimatorEvaluation(
-                    who, name, False, trial.name, score(trial.torque, torque), fit.choice.score, fit.choice.words,
-                    examined=away,
-                    seconds=fit.fit.seconds if muscles else None,
-                    coverage=covered_share(trial.torque, torque, half[trial.name][name]) if shown else None,
-                    held=None if away is None else covered_share(trial.torque, torque, away.half_width),
-                    partial=partial_errors(trial.torque, torque) if muscles else (),
-                )
-            )  # fmt: skip
+                evaluate_on_recording(who, name, False, trial.name, trial.torque, torque, fit, away, width)
+            )
     for trial in held:
         widths = half.get(trial.name, {})
         found.traces.append(TorqueTrace(who, trial.name, trial.time, trial.torque, made[trial.name], widths))
