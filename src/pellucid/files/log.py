@@ -398,9 +398,9 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     for channel in moving.values():
         found += _channel_findings(channel, moving)
     found = _told_from_clipping(found, moving, _rate(table, log.time, ~repeats if repeats.any() else None))
-    dead = {f.channel for f in found if f.kind == constant.KIND}
-    found += [f for f in _frozen_findings(moving) if f.channel not in dead]
-    found += _relation_findings(moving, {f.channel for f in found if f.kind == constant.KIND})
+    constants = {f.channel for f in found if f.kind == constant.KIND}
+    found += [f for f in _frozen_findings(moving) if f.channel not in constants]
+    found += _relation_findings(moving, constants)
     told = {each.label for each in log.personal}
     found += [LogFinding("text", name, "text, which is not read", NOTE_LEVEL) for name in log.texts if name not in told]
     found += [LogFinding("personal", p.label, f"a {p.kind} at {p.place}: remove it", ALARM_LEVEL) for p in log.personal]
