@@ -400,9 +400,9 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     found = _told_from_clipping(found, moving, _rate(table, log.time, ~repeats if repeats.any() else None))
     constants = {f.channel for f in found if f.kind == constant.KIND}
     found += [f for f in _frozen_findings(moving) if f.channel not in constants]
-    found += _relation_findings(moving, constants)
-    told = {each.label for each in log.personal}
-    found += [LogFinding("text", name, "text, which is not read", NOTE_LEVEL) for name in log.texts if name not in told]
+    found += _relation_findings(moving, {f.channel for f in found if f.kind == constant.KIND})
+    personal = {each.label for each in log.personal}
+    found += [LogFinding("text", name, "text, which is not read", NOTE_LEVEL) for name in log.texts if name not in personal]
     found += [LogFinding("personal", p.label, f"a {p.kind} at {p.place}: remove it", ALARM_LEVEL) for p in log.personal]
     return tuple(found)
 
