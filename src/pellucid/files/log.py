@@ -402,7 +402,8 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     found += [f for f in _frozen_findings(moving) if f.channel not in constants]
     found += _relation_findings(moving, {f.channel for f in found if f.kind == constant.KIND})
     personal = {each.label for each in log.personal}
-    found += [LogFinding("text", name, "text, which is not read", NOTE_LEVEL) for name in log.texts if name not in personal]
+    texts = [name for name in log.texts if name not in personal]
+    found += [LogFinding("text", name, "text, which is not read", NOTE_LEVEL) for name in texts]
     found += [LogFinding("personal", p.label, f"a {p.kind} at {p.place}: remove it", ALARM_LEVEL) for p in log.personal]
     return tuple(found)
 
