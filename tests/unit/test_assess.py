@@ -261,7 +261,7 @@ def test_a_lost_marker_costs_the_movements_it_touches(tmp_path):
 
     found = assess(small(tmp_path, change=hide, markers=True))
     assert found.left_out["lost"] >= 1
-    assert any("with missing samples of the motion" in v.text for v in found.verdicts)
+    assert any("with gaps in the recorded position" in v.text for v in found.verdicts)
     assert any("missing in" in v.text and "P1_PCFr.csv" in v.text for v in found.verdicts)
     assert np.isfinite(found.assessed["duration"].table.values).all()
 
@@ -381,7 +381,7 @@ def test_movements_that_never_settle_are_told_and_counted_as_longer_than_seen(re
     cut = next(each.curve.cut for each in found.settling if each.condition == "PCFr")
     assert cut == pytest.approx(never.column("PCFr").mean(), abs=0.05)  # of movements, of people
     assert value(found, "assess.settling.pcfr.never") == pytest.approx(100.0 * cut)
-    assert f"Never settled: {100.0 * cut:.0f} % in PCFr" in found.headline
+    assert f"Never settled: {100.0 * cut:.1f} % in PCFr" in found.headline
     # One of three never settles: of a mean of people's changes a lower bound is known.
     change = value(found, "transparency.duration_median.pcfr")
     assert change > value(calm, "transparency.duration_median.pcfr") + 3.0

@@ -1,22 +1,25 @@
 """The answer of a certificate lists its conditions in one sentence, and says "cannot say" once."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from pellucid.people.analysis import EndPoint
 from pellucid.people.certificate import LEFT_OUT_DOUBT, certificate
-from pellucid.people.comparison import compare_conditions
+from pellucid.people.comparison import compare_conditions, smallest_told_p
 from pellucid.people.equivalence import Margin
 from pellucid.people.indices import INDICES, leading_index
 from pellucid.people.movement_indices import IndexTable
 from pellucid.people.study import assessment_answer
-from pellucid.people.study.assessment_result import Assessed, Sensitivity
+from pellucid.people.study.assessment_result import Assessed, Certified, Sensitivity
 from pellucid.people.study.certified import _people_needed_beyond
-from pellucid.people.study.certified_rows import _why_undecided, deciding_end_point
-from pellucid.people.study.statements import _filter_verdicts
+from pellucid.people.study.certified_rows import _why_undecided, deciding_end_point, is_decided_by_people
+from pellucid.people.study.statements import _filter_verdicts, unsettled_shares
 from pellucid.study.answer import Answer, AnswerPart, Step, unanswered_message
 from pellucid.study.pages.page import Page, write_page
+from pellucid.units import COORDINATES_BY_UNIT
 
 MEASURED = SimpleNamespace(is_simulated=False, rig_file="")
 SIMULATED = SimpleNamespace(is_simulated=True, rig_file="lab/rig.toml")
@@ -35,11 +38,13 @@ def test_a_condition_of_which_nobody_can_say_gives_its_reason_alone(monkeypatch)
     ]
     monkeypatch.setattr(assessment_answer, "certificate_reasons", lambda found: ["The interval is too wide."] * 2)
     monkeypatch.setattr(assessment_answer, "_recording_steps", lambda found, each: (Step("Record more movements"),))
-    for part, made in {"_changes_text": "", "_numbers": (), "_basis": None}.items():
+    for part, made in {"_cut_text": "", "_design_steps": (), "_numbers": (), "_basis": None}.items():
         monkeypatch.setattr(assessment_answer, part, lambda found, made=made: made)
-    answer = assessment_answer.certificate_answer(SimpleNamespace(certified=certified))
+    found = SimpleNamespace(certified=certified, control="balance", participants=("a", "b"))
+    answer = assessment_answer.certificate_answer(found)
     assert answer.verdict == "cannot say"
-    assert answer.said.strip() == "speed: cannot say (post hoc); full_accuracy: not transparent."
+    said = "speed: cannot say (post hoc); full_accuracy: not transparent. Compared with balance, 2 people."
+    assert answer.said == said
     assert unanswered_message([answer]) == "cannot say: speed: The interval is too wide."
 
 
@@ -54,12 +59,17 @@ def test_the_certificate_does_not_name_itself_as_the_next_step():
 def test_the_basis_counts_the_movements_that_were_excluded():
     found = SimpleNamespace(
         participants=("a",), without={}, movements=778, left_out={"lost": 700, "still": 77}, order=None, certified=(),
+        measured=(), exclusions=(),
     )  # fmt: skip
-    why = "778 of 1,555 movements (777 excluded: 700 with missing samples of the motion, 77 that did not reach half-"
+    why = "778 of 1,555 movements (777 excluded: 700 with gaps in the recorded position, 77 that did not reach half-"
     assert why in assessment_answer._basis(found).sentence
     allowed = SimpleNamespace(max_left_out=0.1, certificate=SimpleNamespace(post_hoc=()))
     found.certified, found.left_out, found.is_registered = (allowed,), {"lost": 777}, False
-    why = "(777 excluded: with missing samples of the motion; a claim of transparency allows at most 10 %)"
+    why = "(777 excluded: with gaps in the recorded position; a claim of transparency allows at most 10 %)"
+    assert why in assessment_answer._basis(found).sentence
+    found.measured, found.along = (SimpleNamespace(cell=(None, "up")),), COORDINATES_BY_UNIT["m"]
+    found.exclusions = ("movements back",)
+    why = "(777 excluded: with gaps in the recorded position; stated rule: movements back; all in use go forwards; a"
     assert why in assessment_answer._basis(found).sentence
     found.certified = ()
     found.left_out = {}
@@ -139,7 +149,7 @@ def changed(people=6, **more):
 def test_the_number_of_people_is_that_which_would_show_the_change_seen():
     """The page asked for 12 people, of whom its own table said that more than 96 would not show the change."""
     people, margins = assessment_answer._change_steps(changed(), ["PCFr", "CLPC"])
-    needed = "the change of median duration seen here, in 8 of 10 studies: PCFr about 40, CLPC more than 96"
+    needed = "seen here by the same tests, in 8 of 10 studies: PCFr about 40, CLPC more than 96"
     assert needed in people.text
     assert margins.name == "check"
     assert "12 people at least" in margins.text
@@ -148,8 +158,11 @@ def test_the_number_of_people_is_that_which_would_show_the_change_seen():
 
 
 def test_simulated_people_are_not_asked_to_be_recorded():
-    step = assessment_answer._more_people_step(changed(), ["PCFr"])
-    assert step.text.endswith("Raise `count` in `[people]` of `lab/rig.toml`, then simulate and assess again")
+    step = replace(assessment_answer._more_people_step(changed(), ["PCFr"]), folder="my people")
+    assert step.sentence.endswith(
+        "Raise `count` in `[people]` of `'my people'/lab/rig.toml`, then run `pellucid simulate 'my people'` and "
+        "`pellucid assess 'my people'`"
+    )
     assert not step.command  # a terminal prints the command alone, which would make the same people again
     found = changed()
     found.rig_file = ""
@@ -164,7 +177,7 @@ def test_a_certificate_of_simulated_people_asks_to_simulate(people, needed):
     (step,) = assessment_answer._recording_steps(SIMULATED, [certified(people, needed)])
     assert "record" not in step.text.lower()
     assert "simulate" in step.text.lower()
-    assert ("(`count` in `[people]` of `lab/rig.toml`)" in step.text) == (needed == 13 or people == 2)
+    assert ("(`count` in `[people]` of `{folder}/lab/rig.toml`, then" in step.text) == (needed == 13 or people == 2)
     each = certified(8, None, "beyond")
     for each.needed_beyond in (24, 8, None):
         (step,) = assessment_answer._recording_steps(SIMULATED, [each])
@@ -185,10 +198,11 @@ def test_the_reason_names_the_test_and_what_few_people_allow():
     each = compared([[1.0, 2.0, 1.1, 0.9], [1.0, 3.0, 0.9, 1.2], [1.2, 1.1, 1.3, 1.0]])
     text = assessment_answer._undetected_text(found, each, 0.05)
     assert text.startswith("Friedman's test over the 4 conditions finds no difference in median duration (p = 0.")
-    assert "With 3 people, no signed-rank test of one condition against Ctrl can be significant" in text
-    assert text.endswith("its smallest possible p is 0.25, 0.75 after correction for 3 comparisons")
-    many = compared(np.random.default_rng(1).normal(1.0, 0.1, (12, 4)))
-    assert "signed-rank" not in assessment_answer._undetected_text(found, many, 0.05)
+    assert text.endswith("3 people)")
+    two = compared([[1.0, 2.0, 1.1, 0.9], [1.0, 3.0, 0.9, 1.2]])
+    text = assessment_answer._undetected_text(found, two, 0.05)
+    assert text.endswith("With 2 people, the smallest possible p is 0.093")
+    assert "signed-rank" not in text
 
 
 def decided(verdict, said, beyond, alone=None):
@@ -243,7 +257,7 @@ def test_people_far_beyond_are_named_where_they_alone_lie_beyond():
     own.contradicted, own.lacks_people = lambda name: (), lambda name: False
     own.end_points["duration"].p_beyond, own.tested, own.p_beyond = 0.11, lambda name: "undecided", lambda name: 0.075
     said = _why_undecided(each, {"duration": "Duration", "vmax": "Peak velocity"}, ["Duration"])
-    assert said.startswith("Tested alone, Duration (4 of 8 people by more than 3 margins) would be beyond the margin.")
+    assert said.startswith("Tested alone, duration (4 of 8 people by more than 3 margins) would be beyond the margin.")
     assert "not significant after Holm's correction for 2 end points (p = 0.075" in said
     own.end_points["duration"].p_beyond = 0.01
     assert "3 margins" not in _why_undecided(each, {"duration": "Duration"}, ["Duration"])
@@ -266,7 +280,11 @@ def test_the_headline_index_is_tried_by_other_rules_and_named():
         for index, by in {"duration_median": (0.2, 0.3), "duration": (0.2, 0.01)}.items()
         for words, p in zip(("3 Hz", "6 Hz"), by, strict=True)
     ]
-    (verdict,) = _filter_verdicts(SimpleNamespace(sensitivity=tried, indices=INDICES, confidence=0.95))
+    found = SimpleNamespace(sensitivity=tried, indices=INDICES, confidence=0.95, is_registered=False)
+    (verdict,) = _filter_verdicts(found)
+    assert verdict.do == "Report the results by all of them: no analysis was registered before the data."
+    found.is_registered = True
+    assert _filter_verdicts(found)[0].do == "Report the result by the registered analysis."
     assert "mean duration (significant only with a low-pass of 6 Hz)" in verdict.text
     assert verdict.text.endswith("Median duration is not significant with any of them.")
     assert leading_index().tries_rules
@@ -292,3 +310,64 @@ def test_the_people_who_would_show_a_change_beyond_its_margin_are_counted():
     assert 10 <= _people_needed_beyond(found) <= 20
     calm = certificate({name: 0.1 * values for name, values in changes.items()}, margins)
     assert _people_needed_beyond(calm) is None
+
+
+def test_the_smallest_p_of_the_tests_against_control_is_that_of_equal_orders():
+    for people, conditions in ((2, 4), (3, 4), (5, 3)):
+        same = np.tile(np.arange(float(conditions)), (people, 1))
+        names = tuple(map(str, range(conditions)))
+        found = compare_conditions(same, names, "0")
+        assert smallest_told_p(people, conditions) == pytest.approx(max(found.p_value, found.pair("0", names[-1])))
+
+
+def two_end_points(changes):
+    """Return the certificate of one condition with a margin of 10 % for each end point."""
+    found = certificate(changes, dict.fromkeys(changes, Margin.of_ratio(0.1)), estimand="pseudo-median")
+    points = {name: EndPoint(name, "rad", "10 %", Margin.of_ratio(0.1), True) for name in changes}
+    return Certified("full_accuracy", found, points, len(changes["duration"]), None)
+
+
+def test_one_rule_decides_a_condition_and_gives_its_number():
+    """An interval that reached into the margin stood beside "not transparent", decided by a count of people."""
+    each = two_end_points({"duration": np.where(np.arange(12) < 6, 0.6, 0.0) + 0.01 * np.arange(12)})
+    # The count decides where the noise of movements is known to be small.
+    own = replace(each.certificate, beyond={"duration": 0.11}, far={"duration": 0.01})
+    each = replace(each, certificate=own)
+    assert own.verdict == "not transparent"
+    assert is_decided_by_people(own, "duration")
+    assert not is_decided_by_people(replace(own, beyond={"duration": 0.01}), "duration")
+    found = SimpleNamespace(certified=(each,), control="balance", participants=("p",) * 12, settling=())
+    said = assessment_answer._decisions_text(found)
+    assert said.startswith("full_accuracy: not transparent, 6 of 12 people changed mean duration by more than 3 margins")
+    assert "interval" not in said
+    assert said.endswith("Compared with balance, 12 people, margin −9.1 to +10.0 %.")
+
+
+def test_a_certificate_asks_in_plain_words():
+    each = two_end_points({name: 0.01 * np.arange(12) for name in ("duration", "vmax")})
+    found = SimpleNamespace(certified=(each,), control="no_robot")
+    assert assessment_answer._certificate_question(found) == (
+        'Do people move under "full accuracy" as under "no robot" (transparent), with changes of mean duration and '
+        "peak velocity within −9.1 to +10.0 %?"
+    )
+
+
+def test_excluded_movements_and_an_unstated_order_have_a_step_each():
+    """Half of the movements were excluded, and the only step was to record more people."""
+    allowed = SimpleNamespace(max_left_out=0.1, end_points={}, certificate=SimpleNamespace())
+    found = SimpleNamespace(
+        certified=(allowed,), movements=778, left_out={"lost": 777}, measured=(), exclusions=(), is_simulated=False,
+        order=None,
+    )  # fmt: skip
+    excluded, order = assessment_answer._design_steps(found)
+    assert excluded.text.startswith("Record again so that at most 10 % of movements are excluded; here 777 of 1,555")
+    assert order.text.startswith("State in which order each person had the conditions")
+    found.left_out, found.is_simulated = {"lost": 7}, True
+    assert assessment_answer._design_steps(found) == ()
+
+
+def test_the_share_that_never_settled_has_one_rounding():
+    """The headline said 25 %, and the figure below it 25.8 %."""
+    settling = [SimpleNamespace(condition="FC", curve=SimpleNamespace(cut=0.2578)),
+                SimpleNamespace(condition="Ctrl", curve=SimpleNamespace(cut=0.0))]  # fmt: skip
+    assert unsettled_shares(settling) == ["25.8 % in FC"]

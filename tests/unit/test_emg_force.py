@@ -63,9 +63,9 @@ def test_muscles_that_follow_the_force_are_told_from_those_that_do_not(tmp_path)
     assert own.low < own.mean < own.high
     assert none.answer != "follows the force"
     assert len(own.each) == 4
-    start = "Correlation of EMG and force, 4 people (95 % interval): follows the force: vastus 0.9"
+    start = "Correlation of EMG and force, 4 people (95 % interval): 0.5 or more: vastus 0.9"
     assert result.headline.startswith(start)
-    assert "; hardly follows the force: gastrocnemius" in result.headline
+    assert "; less than 0.5: gastrocnemius" in result.headline
     assert {r.id for r in result.rows} >= {"dynamometer.extension.vastus.r"}
 
 

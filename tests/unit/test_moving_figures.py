@@ -94,6 +94,6 @@ def test_a_limb_for_each_condition_moves_as_people_did_on_average():
     for name, reached in (("limb-0", 0.8), ("limb-1", 0.6)):
         points = ways[name].points
         assert points.shape == (FRAME_COUNT, 2, 2)
-        way = points[:, 1]
+        way = points[:, 1] - points[:, 0]
         turned = np.arctan2(way[:, 1], way[:, 0])
         assert turned[-1] - turned[0] == pytest.approx(reached, abs=1e-9)

@@ -6,8 +6,11 @@ from scipy import signal
 
 import pellucid as pl
 from pellucid._errors import RecordingError
-from pellucid.emg.signals.emg_onset import activations, teager_kaiser
+from pellucid.emg.signals.emg_onset import Burst, ChangePoint, activations, teager_kaiser
+from pellucid.emg.study.onset.find_onsets import MuscleBursts
+from pellucid.emg.study.onset.onset_page import MARKER_SIZES, marker_size
 from pellucid.study.answer import AnswerPart, reason_of_parts
+from pellucid.study.drawing.style import FIGURE_WIDTH
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, onset, report
 from pellucid_lab.emg_synthesis import motor_unit_noise
@@ -217,3 +220,34 @@ def test_missed_onsets_are_counted_by_cause_the_most_frequent_first(tmp_path):
     parts = [AnswerPart(f"channel {i}", "no", ("too weak", "too short")[i % 3 == 0]) for i in range(9)]
     assert reason_of_parts(parts) == "too weak (6); too short (3)"
     assert reason_of_parts(parts[:2]) == "channel 0: too short; channel 1: too weak"
+
+
+def test_the_interval_that_an_answer_gives_is_that_of_first_onsets(tmp_path):
+    """"±40 ms" was of all bursts, beside a table of first onsets with ±105 ms."""
+    result = onset(study(tmp_path / "s"))
+    firsts = [row.value for row in result.rows if row.id.endswith("first_onset")]
+    (half,) = (each.value for each in result.answer.numbers if each.unit == "ms")
+    assert half == pytest.approx(np.median([row[4] for row in result.tables[0].rows]))
+    assert len(firsts) == 2
+    assert result.answer.said == (
+        f"The first onset was found in 2 of 2 EMG channels (1 recording), to ±{half:.0f} ms (half-width of its 95 % "
+        "interval, median)."
+    )
+
+
+def test_muscles_without_an_onset_are_named_in_the_step(tmp_path):
+    """The step spoke of "the muscles named below"."""
+    step = onset(study(tmp_path / "s", change=lambda x: 5e-6 * np.sin(np.arange(len(x))))).answer.next[0]
+    assert step.text.startswith("Attach the electrodes of vastus (1 recording) again, and record half a second of rest")
+
+
+def test_triangles_of_neighbouring_bursts_do_not_overlap():
+    def bursts(*times):
+        points = [(ChangePoint(t, t, t), ChangePoint(t + 0.02, t, t)) for t in times]
+        own = tuple(Burst(begin, end, begin.time, 1.0) for begin, end in points)
+        return MuscleBursts("r", "m", own, (0.0, 0.5), 1.0, 0.5, np.array([0.0, 10.0]), np.zeros(2))
+
+    assert marker_size(bursts(1.0, 5.0)) == MARKER_SIZES[1]
+    near = marker_size(bursts(1.0, 1.05, 5.0))
+    assert MARKER_SIZES[0] < near < MARKER_SIZES[1]
+    assert near == pytest.approx(0.05 * 72.0 * FIGURE_WIDTH * 0.9 / 10.0)

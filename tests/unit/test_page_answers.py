@@ -276,7 +276,7 @@ def test_findings_answer_where_a_procedure_does_not(kind, verdict):
     assert [d.name for d in made.sections[0].drawings] == ["second"]
 
 
-def test_several_procedures_give_one_answer_and_a_section_for_each_other_one():
+def test_several_procedures_give_one_answer_and_a_section_for_each_other_one(tmp_path):
     pages = [
         study_page(
             f"s: {what}",
@@ -289,6 +289,9 @@ def test_several_procedures_give_one_answer_and_a_section_for_each_other_one():
     made = _one_page(pages)
     assert made.said == "One is so."
     assert "Two is so." in made.sections[0].paragraphs[0]
+    html = write_page(tmp_path, made).read_text(encoding="utf-8")
+    places = [html.index(part) for part in ("One is so.", "Two is so.", "<figure", "<main>")]
+    assert places == sorted(places)  # the second answer stood in a folded section alone
     names = [d.name for d in made.drawings]
     assert len(names) == len(set(names)) == 2
 
@@ -347,3 +350,15 @@ def test_the_table_of_families_says_by_which_estimator_it_is(tmp_path, method, s
     tables = complete_result(fabricate.study(tmp_path, found), found).tables
     (title,) = [table.title for table in tables if "amilies" in table.title]
     assert title == f"Friction families, by their errors of the effort {said}"
+
+
+def test_the_steps_of_all_answers_stand_together_each_once():
+    record = Step("Record raw EMG")
+    answers = [Answer("Is it?", "no", "no", next=(record, Step(text))) for text in ("Attach", "Ask more people")]
+    made = Page("t", "k", answer=answers[0], others=(answers[1],))
+    assert made.following == ("Record raw EMG.", "Attach.", "Ask more people.")
+
+
+def test_a_step_names_the_folder_that_was_given():
+    step = Step("Raise `count` in `{folder}/lab/rig.toml`", folder="my study")
+    assert step.sentence == "Raise `count` in `'my study'/lab/rig.toml`."

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from .analysis import EndPoint
 
 
+def lowered(words: str) -> str:
+    """Return words as they stand within a sentence; an abbreviation keeps its capitals."""
+    return words if words[:2].isupper() else words[:1].lower() + words[1:]
+
+
 def change_figure(value: float, unit: str) -> str:
     """Return a change, or an end of its interval, with the digits that every part of a report gives it."""
     if unit != "%":

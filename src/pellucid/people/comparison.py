@@ -41,6 +41,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import permutations
+from math import factorial
 from typing import Literal
 
 import numpy as np
@@ -400,6 +401,15 @@ def two_sided_p(above: np.ndarray, pairs: int) -> np.ndarray:
 def smallest_p(pairs: int) -> float:
     """Return the smallest p value that a number of `pairs` can give: all differ to one side."""
     return min(1.0, 2.0 ** (1 - pairs))
+
+
+def smallest_told_p(people: int, conditions: int) -> float:
+    """Return the smallest p value with which Friedman's and Nemenyi's tests together tell a condition from control.
+
+    Everybody then has the same order of conditions, with control at one end.
+    """
+    sums = people * np.arange(1.0, conditions + 1.0)
+    return max(float(factorial(conditions)) ** (1 - people), float(_nemenyi(sums, people)[0, -1]))
 
 
 BOOTSTRAP_RESAMPLES = 10_000

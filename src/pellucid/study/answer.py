@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -41,6 +42,9 @@ RECORDED_UNITS = ("recording", "file")
 
 UNCONFIRMED_SCALE = "scale not confirmed"
 """Limit of a verdict on relative numbers where a default scales all absolute ones."""
+
+FOLDER = "{folder}"
+"""Mark in the text of a step that stands for the study's folder."""
 
 MAX_NAMED_ASSUMPTIONS = 4
 """Largest number of assumptions that a sentence names; a study's page has all."""
@@ -124,6 +128,8 @@ class Basis:
         Number of rows in the files; 0 where they are not counted.
     excluded : tuple of str
         What reading excludes of the rows, in words.
+    people : int
+        Number of people whom the recordings in use are of; 0 where they name none.
     """
 
     used: int
@@ -138,12 +144,14 @@ class Basis:
     is_digitised: bool = False
     rows: int = 0
     excluded: tuple[str, ...] = ()
+    people: int = 0
 
     @property
     def sentence(self) -> str:
         """What the answer is based on, in one or more sentences."""
         text = f"{self.used} of {self.recorded}" if self.used != self.recorded else f"{self.recorded}"
         text += f" {_plural(self.counted, self.recorded)}{f' in {self.parts} parts' if self.parts else ''}"
+        text += f" of {self.people} people" if self.people > 1 else ""
         unstated = "measured or simulated (not stated)" if self.counted in RECORDED_UNITS else ""
         origins = {True: "simulated", False: "measured", None: unstated}
         origin = DIGITISED if self.is_digitised else origins[self.is_simulated]
@@ -207,7 +215,7 @@ class Step:
     Attributes
     ----------
     text : str
-        What to do, without a full stop.
+        What to do, without a full stop; `FOLDER` in it stands for the study's folder.
     name : str
         Name of the command on the study's folder, such as ``"export"``; "" without one.
     options : tuple of str
@@ -230,12 +238,17 @@ class Step:
         return self.line or (printed_command(self.name, self.folder, *self.options) if self.name else "")
 
     @property
+    def words(self) -> str:
+        """What to do, with the study's folder in the words."""
+        return self.text.replace(FOLDER, shlex.quote(self.folder))
+
+    @property
     def sentence(self) -> str:
         """The step in a sentence, with its command between backticks."""
         if self.command:
-            return f"{self.text}: `{self.command}`."
-        is_ended = self.text.endswith("?") or re.search(r"`pellucid [^`]+`$", self.text)
-        return self.text if is_ended else f"{self.text.rstrip('.')}."
+            return f"{self.words}: `{self.command}`."
+        is_ended = self.words.endswith("?") or re.search(r"`pellucid [^`]+`$", self.words)
+        return self.words if is_ended else f"{self.words.rstrip('.')}."
 
 
 PAPER_STEP = Step("Write figures, tables and methods for a paper", "paper")
@@ -339,7 +352,7 @@ class Answer:
             "numbers": [_number_table(number) for number in self.numbers],
             "based_on": None if self.basis is None else {**asdict(self.basis), "sentence": self.basis.sentence},
             "assumed": [asdict(each) for each in self.assumed],
-            "next": [{"text": step.text, "command": step.command} for step in self.next],
+            "next": [{"text": step.words, "command": step.command} for step in self.next],
         }
 
 

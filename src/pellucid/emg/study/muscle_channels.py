@@ -209,10 +209,15 @@ def raw_emg_steps(enveloped: Mapping[str, int]) -> tuple[Step, ...]:
     """Return the step that muscles need whose channels hold envelopes where raw EMG was expected; none without any."""
     if not enveloped:
         return ()
-    named = ", ".join(
-        f"{muscle.replace('_', ' ')} ({count} recording{'s' * (count > 1)})" for muscle, count in enveloped.items()
-    )
+    named = counted_muscles(enveloped)
     return (Step(f"Record raw EMG: the channels of {named} are envelopes, and filters for raw EMG spoil them"),)
+
+
+def counted_muscles(counts: Mapping[str, int]) -> str:
+    """Return muscles in words, each with its number of recordings."""
+    return ", ".join(
+        f"{muscle.replace('_', ' ')} ({count} recording{'s' * (count > 1)})" for muscle, count in counts.items()
+    )
 
 
 def name_channel(stream: Recording, muscle: str) -> str:

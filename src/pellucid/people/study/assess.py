@@ -209,6 +209,7 @@ def assess_recordings(
         needed_as_seen=_needed_as_seen(found, spec, studies, executor),
         is_simulated=is_simulated,
         rig_file=rig_file,
+        exclusions=spec.exclusions,
         profiles=profiles,
         profile_of=profile_of,
         settling=_settling(whole, conditions),

@@ -8,21 +8,31 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, AnswerVerdict, Basis, Step, reason_of_parts
+from ...study.answer import (
+    FOLDER,
+    PAPER_STEP,
+    Answer,
+    AnswerNumber,
+    AnswerPart,
+    AnswerVerdict,
+    Basis,
+    Step,
+    reason_of_parts,
+)
 from ...study.pages.quantities import MINUS_SIGN
 from ...study.pages.values import Value
 from ..certificate import FAIL, PASS
-from ..certificate_text import interval_level, interval_with_unit, margin_text, p_statement
-from ..comparison import smallest_p
+from ..certificate_text import interval_level, interval_with_unit, lowered, margin_text, p_statement, signed_text
+from ..comparison import smallest_p, smallest_told_p
 from ..equivalence import BEYOND_MARGIN
 from ..indices import leading_index
 from ..power import CERTIFICATE_SIZES, MIN_FORECAST_PEOPLE
-from ..share_of_people import MIN_PEOPLE
+from ..share_of_people import MIN_PEOPLE, limits
 from .assessment_tables import people_words
-from .certified_rows import certificate_reasons, deciding_end_point, loss_remedy
+from .certified_rows import certificate_reasons, deciding_end_point, is_decided_by_people, loss_remedy
 from .pointing import reason_words
 from .primary_change import PrimaryChange, primary_change
-from .statements import headline, lowered
+from .statements import headline, unsettled_shares
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Certified
@@ -55,17 +65,15 @@ def certificate_answer(found: AssessmentResult) -> Answer:
     said = {part.verdict for part in parts}
     # One transparent condition is enough; all must be shown to be none for "no".
     verdict: AnswerVerdict = "yes" if "yes" in said else "no" if said == {"no"} else "cannot say"
-    question = "Is any condition transparent?" if len(parts) > 1 else "Is it transparent?"
+    question = _certificate_question(found)
     is_post_hoc = any(each.certificate.post_hoc for each in found.certified)
     if is_post_hoc:
         question += " Post hoc: this is not the registered analysis."
     open_ones = [each for each in found.certified if each.certificate.verdict not in (PASS, FAIL)]
-    stated = "; ".join(f"{one.condition}: {one.certificate.statement}" for one in found.certified)
-    beyond = "".join(f"{_beyond_text(each)} " for each in found.certified if each.certificate.verdict == FAIL)
     following = {"yes": [], "no": [CONTROLLER_STEP], "cannot say": [*_recording_steps(found, open_ones)]}[verdict]
-    following += [CERTIFICATE_STEP] if verdict != "cannot say" else []
+    following = [*_design_steps(found), *following, *([CERTIFICATE_STEP] if verdict != "cannot say" else [])]
     return Answer(
-        question, verdict, f"{stated}. {_changes_text(found)} {beyond}".strip(), reason_of_parts(parts, verdict),
+        question, verdict, _decisions_text(found), reason_of_parts(parts, verdict),
         tuple(parts),
         tuple(_numbers(found)), _basis(found), next=tuple(dict.fromkeys(following)),
         qualifier="post hoc" if is_post_hoc else "",
@@ -82,12 +90,53 @@ def reviewed_answer(found: AssessmentResult) -> Answer:
     return replace(found.answer, next=tuple(following))
 
 
-def _beyond_text(each: Certified) -> str:
-    """Name the end points of a condition that lie beyond their margins."""
-    own = each.certificate
-    words = [f"{point.index.words.lower()}{own.far_note(name)}" for name, point in each.end_points.items()
-             if own.said_of(name) == BEYOND_MARGIN]  # fmt: skip
-    return f"Beyond the margin in {each.condition}: {', '.join(words)}." if words else ""
+def _certificate_question(found: AssessmentResult) -> str:
+    """Return the question of a certificate, with its conditions, end points and margins."""
+    conditions = listed_or([_quoted(each.condition) for each in found.certified])
+    first = found.certified[0]
+    by_margin: dict[str, list[str]] = {}
+    for name, point in first.end_points.items():
+        margin = margin_text(point, first.certificate.end_points[name]).replace("-", MINUS_SIGN)
+        by_margin.setdefault(margin, []).append(lowered(point.index.words))
+    within = ", ".join(f"changes of {' and '.join(words)} within {margin}" for margin, words in by_margin.items())
+    if len(first.end_points) > MAX_ASKED_END_POINTS:
+        within = f"changes of all {len(first.end_points)} end points within their margins"
+    return f"Do people move under {conditions} as under {_quoted(found.control)} (transparent), with {within}?"
+
+
+MAX_ASKED_END_POINTS = 3
+"""Largest number of end points that a question names."""
+
+
+def plain_name(condition: str) -> str:
+    """Return the name of a condition as a sentence has it."""
+    return condition.replace("_", " ")
+
+
+def _quoted(condition: str) -> str:
+    return f'"{plain_name(condition)}"'
+
+
+def listed_or(names: Sequence[str]) -> str:
+    """Return names in words, the last after "or"."""
+    return " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _design_steps(found: AssessmentResult) -> tuple[Step, ...]:
+    """Return what to change in the study itself: excluded movements, and an order of conditions that is not stated."""
+    steps, excluded = [], sum(found.left_out.values())
+    total, allowed = found.movements + excluded, max(each.max_left_out for each in found.certified)
+    if excluded > allowed * total and not any(map(loss_remedy, found.certified)):
+        steps.append(Step(
+            f"{_record(found).capitalize()} again so that at most {100.0 * allowed:g} % of movements are excluded; "
+            f"here {excluded:,} of {total:,} are, {_causes_text(found)}"
+        ))  # fmt: skip
+    if not found.is_simulated and not _order_count(found):
+        steps.append(Step(
+            "State in which order each person had the conditions (`period` of each recording in study.toml): until "
+            "then, practice or fatigue may be the change"
+        ))  # fmt: skip
+    return tuple(steps)
 
 
 def _recording_steps(found: AssessmentResult, undecided: Sequence[Certified]) -> tuple[Step, ...]:
@@ -96,7 +145,7 @@ def _recording_steps(found: AssessmentResult, undecided: Sequence[Certified]) ->
     for each in undecided:
         for text in _recording_texts(found, each):
             conditions.setdefault(text, []).append(each.condition)
-    return tuple(Step(f"{', '.join(names)}: {text}") for text, names in conditions.items())
+    return tuple(Step(f"{', '.join(map(plain_name, names))}: {text}") for text, names in conditions.items())
 
 
 def _recording_texts(found: AssessmentResult, each: Certified) -> tuple[str, ...]:
@@ -157,7 +206,7 @@ def _people_text(found: AssessmentResult, needed: int | None, now: int) -> str:
 
 def _adding_text(found: AssessmentResult, needed: int, now: int) -> str:
     """Return how to add people up to a number that is `needed`."""
-    where = f" ({_count_place(found)})" if found.rig_file else ""
+    where = f" ({_count_place(found)}, then {SIMULATE_AGAIN})" if found.rig_file else ""
     return f"{_record(found)} {_more_people(needed - now)}, {needed} in all{where}"
 
 
@@ -165,9 +214,13 @@ def _record(found: AssessmentResult) -> str:
     return "simulate" if found.is_simulated else "record"
 
 
+SIMULATE_AGAIN = f"`pellucid simulate {FOLDER}` and `pellucid assess {FOLDER}`"
+"""Commands after a change of the rig; alone they would make the same people again."""
+
+
 def _count_place(found: AssessmentResult) -> str:
     """Return where a study says how many people are simulated."""
-    return f"`count` in `[people]` of `{found.rig_file}`"
+    return f"`count` in `[people]` of `{FOLDER}/{found.rig_file}`"
 
 
 def _more_people(count: int) -> str:
@@ -194,8 +247,9 @@ def _change_answer(found: AssessmentResult) -> Answer:
     also = "".join(f" {' and '.join(told)} also different in: {', '.join(words)}." for told, words in others.items())
     told = any(part.verdict == "yes" for part in parts)
     reason = "" if told else alone or _undetected_text(found, each, alpha)
+    asked, words = listed_or([_quoted(part.name) for part in parts]), lowered(each.table.index.words)
     return Answer(
-        f"Do these conditions change people's {lowered(each.table.index.words)}, against {found.control}?",
+        f"Does {asked} change people's {words}, compared with {_quoted(found.control)}?",
         "yes" if told else "cannot say",
         f"{_differing_text(found, each, differing[each.name])}{_changes_text(found)}{also}",
         reason,
@@ -210,6 +264,9 @@ def _undetected_text(found: AssessmentResult, each: Assessed, alpha: float) -> s
     """Return the test that tells no condition from control in an index, with its p value and what few people allow."""
     compared, count = each.comparison, len(each.table.participants)
     words, m = lowered(each.table.index.words), len(each.comparison.pairwise)
+    if found.control not in each.table.conditions:
+        text = f"{RANK_TESTS} find no difference from {found.control} in {words} ({count} people)"
+        return f"{text}{_least_text(min(1.0, m * smallest_p(count)), count, alpha)}"
     if compared.p_value is None:
         return f"no test finds a difference from {found.control} in {words} ({count} people)"
     told = f"({p_statement(compared.p_value)}, {count} people)"
@@ -219,14 +276,19 @@ def _undetected_text(found: AssessmentResult, each: Assessed, alpha: float) -> s
             f"Friedman's test finds a difference in {words} among the {len(compared.conditions)} conditions {told}, "
             f"but Nemenyi's test finds none from {found.control}"
         )
-    least = smallest_p(count)
-    if min(1.0, m * least) < alpha:
-        return text
-    corrected = f", {min(1.0, m * least):.3g} after correction for {m} comparisons" if m > 1 else ""
-    return (
-        f"{text}. With {count} people, no signed-rank test of one condition against {found.control} can be "
-        f"significant: its smallest possible p is {least:.3g}{corrected}"
-    )
+    return f"{text}{_least_text(smallest_told_p(count, len(compared.conditions)), count, alpha)}"
+
+
+CONTROL_TESTS = "Friedman's and Nemenyi's tests"
+"""Tests that tell a condition from control, as a sentence names them."""
+
+RANK_TESTS = "signed-rank tests corrected after Holm"
+"""Tests where an index has no value of its own in control."""
+
+
+def _least_text(least: float, count: int, alpha: float) -> str:
+    """Return that few people cannot show a difference by the test that decides; "" where they can."""
+    return "" if least < alpha else f". With {count} people, the smallest possible p is {least:.2g}"
 
 
 def _differing_text(found: AssessmentResult, each: Assessed, conditions: Sequence[str]) -> str:
@@ -238,7 +300,8 @@ def _differing_text(found: AssessmentResult, each: Assessed, conditions: Sequenc
     p = {c: max(compared.p_value or 0.0, compared.pair(found.control, c)) if against_control else
          compared.pairwise[c].holm for c in conditions}  # fmt: skip
     named = ", ".join(f"{condition} ({p_statement(value)})" for condition, value in p.items())
-    return f"Different from {found.control}: {named}. "
+    tests = CONTROL_TESTS if against_control else RANK_TESTS
+    return f"Different from {found.control} by {tests}: {named}. "
 
 
 def _differing(found: AssessmentResult, each: Assessed, alpha: float) -> list[str]:
@@ -257,13 +320,13 @@ def _more_people_step(found: AssessmentResult, untold: Sequence[str]) -> Step:
     """Return the numbers of people who would show the changes that were seen in `untold` conditions."""
     count, needed = len(found.participants), found.needed_as_seen
     text = "More people are needed"
-    if numbers := [f"{name} {_needed_words(needed[name], count)}" for name in untold if name in needed]:
+    if numbers := [f"{plain_name(name)} {_needed_words(needed[name], count)}" for name in untold if name in needed]:
         text = (
-            f"People who would show the change of {lowered(leading_index().words)} seen here, in 8 of 10 studies: "
-            f"{', '.join(numbers)}"
+            f"People who would show the change of {lowered(leading_index().words)} seen here by the same tests, in "
+            f"8 of 10 studies: {', '.join(numbers)}"
         )
     if found.rig_file:
-        return Step(f"{text}. Raise {_count_place(found)}, then simulate and assess again")
+        return Step(f"{text}. Raise {_count_place(found)}, then run {SIMULATE_AGAIN}")
     return Step(f"{text}. {_record(found).capitalize()} more people")
 
 
@@ -291,12 +354,21 @@ def _basis(found: AssessmentResult) -> Basis:
     used, excluded = len(found.participants), sum(found.left_out.values())
     movements = f"{found.movements:,} movements"
     if excluded:
-        reasons = {reason_words(kind): n for kind, n in found.left_out.items() if n}
-        why = ", ".join(f"{n:,} {words}" for words, n in reasons.items()) if len(reasons) > 1 else next(iter(reasons))
+        why = _causes_text(found)
         movements = f"{found.movements:,} of {found.movements + excluded:,} movements ({excluded:,} excluded: {why}"
         allowed = max((each.max_left_out for each in found.certified), default=1.0)
         movements += f"; a claim of transparency allows at most {100.0 * allowed:g} %)" if allowed < 1.0 else ")"
     return Basis(used, used + len(found.without), "participant", movements, more=(_plan_text(found),))
+
+
+def _causes_text(found: AssessmentResult) -> str:
+    """Return why movements are excluded, with the only direction of those in use and the stated rules."""
+    reasons = {reason_words(kind): n for kind, n in found.left_out.items() if n}
+    why = ", ".join(f"{n:,} {words}" for words, n in reasons.items()) if len(reasons) > 1 else next(iter(reasons))
+    ways = {movement.cell[1] for movement in found.measured}
+    way = f"; all in use go {found.along.ways[ways.pop()]}" if len(ways) == 1 else ""
+    stated = f"; stated rule: {', '.join(found.exclusions)}" if found.exclusions else ""
+    return f"{why}{stated}{way}"
 
 
 def _plan_text(found: AssessmentResult) -> str:
@@ -359,9 +431,7 @@ def change_value(findings: AssessmentResult, name: str, condition: str, change: 
 
 
 def _changes_text(findings: AssessmentResult) -> str:
-    """Return the leading index's changes with their intervals, in a sentence; with margins those of its test."""
-    if findings.certified:
-        return _tested_changes_text(findings)
+    """Return the leading index's changes with their intervals, in a sentence."""
     name = leading_index().name
     each = findings.assessed.get(name)
     changes = known_changes(findings, name) if each is not None else {}
@@ -377,37 +447,42 @@ def _changes_text(findings: AssessmentResult) -> str:
     return f"{words} against {findings.control}, {people}: {', '.join(parts)}.{_cut_text(findings)}"
 
 
-def _tested_changes_text(findings: AssessmentResult) -> str:
-    """Return the change, interval and margin of the end point that decides each condition, in a sentence."""
-    parts: list[tuple[str, str, str, str, str]] = []
-    for each in findings.certified:
-        name = deciding_end_point(each)
-        point, own = each.end_points[name], each.certificate.end_points[name]
-        change = primary_change(findings, name, each.condition)
-        shown = "not known" if change is None else (
-            f"{change_value(findings, name, each.condition, change)} {change.unit}".rstrip()
-        )
-        ends = interval_with_unit(point, own).replace("-", MINUS_SIGN)
-        margin = margin_text(point, own).replace("-", MINUS_SIGN)
-        parts.append((each.condition, point.index.words, shown, ends, margin))
+def _decisions_text(findings: AssessmentResult) -> str:
+    """Return each condition's verdict with the number of the one rule that decides it, in sentences."""
+    told = [_decision(findings, each) for each in findings.certified]
+    margins = list(dict.fromkeys(margin for _, margin in told))
+    common = len(margins) == 1
+    parts = [text if common or not margin else f"{text}, margin {margin}" for text, margin in told]
+    shared = f", margin {margins[0]}" if common and margins[0] else ""
     people = f"{len(findings.participants)} people"
-    level = interval_level(findings.certified[0].certificate.alpha)
-    (_, words, _, _, margin), *_ = parts
-    is_one, is_same_margin = ({each[i] for each in parts} == {parts[0][i]} for i in (1, 4))
-    told = ", ".join(
-        f"{condition} {'' if is_one else f'in {lowered(own)} '}{shown} ({ends}"
-        f"{'' if is_same_margin else f', margin {limit}'})"
-        for condition, own, shown, ends, limit in parts
+    return f"{'; '.join(parts)}. Compared with {findings.control}, {people}{shared}.{_cut_text(findings)}"
+
+
+def _decision(findings: AssessmentResult, each: Certified) -> tuple[str, str]:
+    """Return the verdict on a condition with the number that decides it, and the margin of its end point."""
+    own, stated = each.certificate, f"{each.condition}: {each.certificate.statement}"
+    if not each.end_points:
+        return stated, ""
+    name = deciding_end_point(each)
+    point, test = each.end_points[name], own.end_points[name]
+    words, margin = lowered(point.index.words), margin_text(point, test).replace("-", MINUS_SIGN)
+    if is_decided_by_people(own, name):
+        shares = test.share_test(own.rule)
+        far = [signed_text(point, end) for end in limits(test.margin, shares.rule.far_margins)]
+        told = (
+            f"{shares.far} of {shares.people} people changed {words} by more than {shares.rule.far_margins:g} margins "
+            f"({' to '.join(far)} {point.unit}; {p_statement(own.p_beyond(name))})"
+        )
+        return f"{stated}, {told.replace('-', MINUS_SIGN)}", margin
+    change = primary_change(findings, name, each.condition)
+    shown = "not known" if change is None else (
+        f"{change_value(findings, name, each.condition, change)} {change.unit}".rstrip()
     )
-    against = f"{words} against" if is_one else "Against"
-    common = f"; margin {margin}" if is_same_margin else ""
-    return (
-        f"{against} {findings.control}, {people}, with the {level} interval of the equivalence test: {told}{common}."
-        f"{_cut_text(findings)}"
-    )
+    ends = interval_with_unit(point, test).replace("-", MINUS_SIGN)
+    return f"{stated}, {words} {shown} ({interval_level(own.alpha)} interval {ends})", margin
 
 
 def _cut_text(findings: AssessmentResult) -> str:
     """Return the shares of movements that never settled, in a sentence; "" without any."""
-    cut = [f"{100.0 * one.curve.cut:.0f} % in {one.condition}" for one in findings.settling if one.curve.cut]
+    cut = unsettled_shares(findings.settling)
     return f" Never settled: {', '.join(cut)}." if cut else ""

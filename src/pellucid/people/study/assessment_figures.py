@@ -21,6 +21,7 @@ from ..certificate_text import change_figure, interval_level
 from ..design_columns import DIRECTION_DOWN, DIRECTION_UP
 from ..movement_indices import Isochrony
 from .assessment_result import Assessed, Certified, Profile, Settling
+from .certified_rows import is_decided_by_people
 from .movement_curves import QUANTITY_NAMES
 from .primary_change import PrimaryChange
 
@@ -33,8 +34,8 @@ FRAME_COUNT = 48
 START_ANGLE_RAD = -0.5
 """Drawn direction of a limb when a movement starts [rad from horizontal]; profiles are relative to the start."""
 
-WIDEST_LIMB, NARROWEST_LIMB = 14.0, 3.5
-"""Drawn widths of the limb at the back and of the one in front, in points."""
+LIMB_WIDTH = 7.0
+"""Drawn width of a moving limb [points]."""
 
 REST_S = 0.6
 """Time for which moving limbs rest before they move again [s]."""
@@ -239,35 +240,46 @@ def changes_figure(
     return MovingDrawing("changes", figure, caption, ways, seconds)
 
 
+LIMB_CELL_WIDTH = 1.75
+"""Width of the room of one limb, in lengths of its upper part."""
+
+LIMB_NAME_HEIGHT = 0.55
+"""Height of a limb's name below it, in the same lengths."""
+
+
 def _moving_limbs(axis: Axes, profiles: Sequence[Profile], tone: Mapping[str, str]) -> tuple[dict[str, Way], float]:
-    """Draw a limb for each condition that turns about one joint as people moved on average; return ways and seconds."""
+    """Draw a limb for each condition that turns about one joint as people moved on average; return ways and seconds.
+
+    Each limb has a cell of its own, with its condition below, so that none covers another.
+    """
+    columns = min(2, len(profiles))
+    rows = -(-len(profiles) // columns)
+    low = min(float(np.sin(START_ANGLE_RAD + np.nanmin(profile.angle))) for profile in profiles)
+    width, height = LIMB_CELL_WIDTH, 1.15 - min(low, 0.0) + LIMB_NAME_HEIGHT
     axis.set_aspect("equal")
     axis.set_axis_off()
-    axis.set_xlim(-0.45, 1.15)
-    axis.set_ylim(-0.95, 1.15)
+    axis.set_xlim(-0.45, width * columns - 0.45)
+    axis.set_ylim(1.15 - height * rows, 1.15)
     lasting = max(float(profile.time[-1]) for profile in profiles)
     frames = np.linspace(0.0, lasting, FRAME_COUNT)
-    axis.plot((-0.35, 0.0), (0.95, 0.0), color=colour("faint"), linewidth=13.0, solid_capstyle="round")
     ways = {}
-    widths = np.linspace(WIDEST_LIMB, NARROWEST_LIMB, len(profiles)) if len(profiles) > 1 else [NARROWEST_LIMB]
     for i, profile in enumerate(profiles):
+        joint = np.array([width * (i % columns), -height * (i // columns)])
+        shoulder = joint[0] - 0.35, joint[1] + 0.95
+        axis.plot(
+            *zip(shoulder, joint, strict=True), color=colour("faint"), linewidth=9.0, solid_capstyle="round",
+        )  # fmt: skip
         known = np.isfinite(profile.time) & np.isfinite(profile.angle)
         angle = START_ANGLE_RAD + np.interp(frames, profile.time[known], profile.angle[known])
-        # Limbs of equal length or width would hide each other.
-        hand = (1.05 - 0.1 * i) * np.column_stack([np.cos(angle), np.sin(angle)])
-        points = np.stack([np.zeros_like(hand), hand], axis=1)
-        style = {"edgecolor": tone[profile.condition], "linewidth": float(widths[i]), "zorder": 4.0 + 0.1 * i}
+        hand = joint + 0.95 * np.column_stack([np.cos(angle), np.sin(angle)])
+        points = np.stack([np.broadcast_to(joint, hand.shape), hand], axis=1)
+        style = {"edgecolor": tone[profile.condition], "linewidth": LIMB_WIDTH, "zorder": 4.0}
         strokes(axis, points[-1], f"limb-{i}", **style)
         ways[f"limb-{i}"] = Way(axis, points)
-    axis.plot([0.0], [0.0], "o", color=colour("ink"), markersize=7.0, zorder=6)
-    # The names stand where the limbs do not pass.
-    travel = max((float(each) for p in profiles for each in p.angle if np.isfinite(each)), key=abs, default=0.0)
-    for i, profile in enumerate(profiles):
-        at, shift = ((1.0, 0.0), 12.0 * (len(profiles) - 1 - i)) if travel >= 0.0 else ((1.0, 1.0), -12.0 * (i + 1))
-        axis.annotate(
-            profile.condition.replace("_", " "), at, xytext=(0.0, shift), xycoords="axes fraction",
-            textcoords="offset points", ha="right", va="bottom", fontsize=8.5, fontweight="bold",
-            color=tone[profile.condition],
+        axis.plot(*joint, "o", color=colour("ink"), markersize=5.0, zorder=6)
+        axis.text(
+            joint[0] + 0.5 * width - 0.45, joint[1] + 1.15 - height, name_words(profile.condition), ha="center",
+            va="bottom", fontsize=8.5, fontweight="bold", color=tone[profile.condition],
         )  # fmt: skip
     return ways, lasting + REST_S
 
@@ -297,20 +309,23 @@ def certificate_figure(certified: Sequence[Certified]) -> Drawing:
                   linestyle="-" if np.isfinite(own.interval[0]) else ":")  # fmt: skip
         axis.plot([middle], [at], marker="o", color=tone, markersize=5.0)
         places.append(at)
-        labels.append(f"{name_words(each.condition)}: {each.end_points[name].index.short}")
+        label = f"{name_words(each.condition)}: {each.end_points[name].index.short}"
+        shares = own.share_test(each.certificate.rule)
+        by_people = f"\n{shares.far} of {shares.people} people over {shares.rule.far_margins:g} margins"
+        labels.append(label + by_people * is_decided_by_people(each.certificate, name))
     axis.set_xlim(-1.1 * reach, 1.1 * reach)
     axis.set_ylim(at - 0.8, 0.0)
     tidy(axis, first=True, text="")
     axis.set_yticks(places, labels)
     alpha = certified[0].certificate.alpha
     level = interval_level(alpha)
-    axis.set_xlabel(f"Change with its {level} interval, over the margin")
+    axis.set_xlabel(f"Change in margins, with its {level} interval")
     return Drawing(
         "certificate",
         figure,
         f"Changes from control, divided by their margins (shaded). The interval is of {level}, because an equivalence "
-        f"test is two one-sided tests at {100.0 * alpha:g} % each. The verdict also requires the shares of people, "
-        f"carry-over and losses. Lines are cut beyond {MAX_DRAWN_MARGINS:g} margins.",
+        f"test is two one-sided tests at {100.0 * alpha:g} % each. The number of people far beyond decides where it is "
+        f"given. Carry-over and losses may decide too. Lines are cut beyond {MAX_DRAWN_MARGINS:g} margins.",
     )
 
 

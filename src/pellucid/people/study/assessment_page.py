@@ -24,7 +24,7 @@ from ...study.procedures.study_page import provenance, study_page
 from ...study.study import Study, checksum
 from ..analysis import ANALYSIS_FILE
 from ..certificate import FAIL, Certificate
-from ..certificate_text import p_statement, people_text
+from ..certificate_text import lowered, p_statement, people_text
 from ..indices import SHOWN_INDICES, index_names, leading_index
 from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, MODEL_PEOPLE
 from . import assessment_figures as figures
@@ -35,7 +35,6 @@ from .assessment_table import AssessmentTable
 from .certified_rows import TEST_ASSUMPTIONS, TEST_NAMES, certificate_remarks, certificate_sentences
 from .pointing import reason_words
 from .primary_change import ESTIMAND_WORDS, primary_change
-from .statements import lowered
 
 
 def page(study: Study, findings: AssessmentResult) -> Page:

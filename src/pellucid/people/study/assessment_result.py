@@ -161,6 +161,7 @@ class AssessmentResult(Result):
     # by condition, participants who would show the change of the leading index that was seen; None if more than tried
     needed_as_seen: Mapping[str, int | None] = field(default_factory=dict)
     is_simulated: bool = False  # whether study.toml says that the recordings were simulated
+    exclusions: tuple[str, ...] = ()  # stated exclusion rules for people or movements, in words
     rig_file: str = ""  # file, relative to the study's folder, from which its people are simulated; "" without one
     # by condition, whether somebody's median duration was not reached: in the condition, and in control
     unreached: Mapping[str, tuple[bool, bool]] = field(default_factory=dict, repr=False)

@@ -21,6 +21,7 @@ from ..certificate import (
     PASS,
     PERIOD_DOUBT,
     UNEVEN_LOSSES_DOUBT,
+    Certificate,
     Doubt,
     too_many_lost,
 )
@@ -29,6 +30,7 @@ from ..certificate_text import (
     change_text,
     interval_level,
     interval_text,
+    lowered,
     p_statement,
     p_text,
     people_text,
@@ -193,6 +195,14 @@ def deciding_end_point(each: Certified) -> str:
     return leading if leading in ranked else ranked[0]
 
 
+def is_decided_by_people(own: Certificate, name: str) -> bool:
+    """Return whether the number of people far beyond its margin puts an end point there, and not its interval."""
+    test = own.end_points[name]
+    if own.beyond[name] <= own.alpha:
+        return False
+    return own.far.get(name, 1.0) <= own.alpha or (test.verdict == BEYOND_MARGIN and test.p_beyond > own.alpha)
+
+
 def certificate_sentences(found: AssessmentResult) -> tuple[str, ...]:
     """Return the verdict on each condition, and its reason."""
     return tuple(
@@ -263,7 +273,7 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
         alone = [words[n] + (own.far_note(n) if tests[n].p_beyond > own.alpha else "") for n in single]
         p = min(own.p_beyond(n) for n in single)
         return (
-            f"Tested alone, {', '.join(alone)} would be beyond the margin. It is not significant after Holm's "
+            f"Tested alone, {lowered(', '.join(alone))} would be beyond the margin. It is not significant after Holm's "
             f"correction for {len(words)} end points ({p_statement(p)}; {own.alpha:g} or less is required)."
         )
     cut = [words[n] for n in tests if tests[n].bounded]

@@ -388,7 +388,7 @@ def usable_records(recordings: Sequence[Recording], spec: AssessmentTable) -> tu
             records.append(record)
             continue
         message = f"{reason}: the recording {recording.name} is excluded"
-        faults.append(Fault("cut", "gap", recording.path.name, spec.angle, reason, "an angle throughout", message))
+        faults.append(Fault("cut", "gap", recording.path.name, spec.angle, reason, "a position throughout", message))
     return records, faults
 
 
@@ -403,7 +403,7 @@ def _gaps(record: PointingRecord, spec: AssessmentTable) -> str:
     one = next(each for each in left_out if each.kind == "lost")
     return (
         f"{record.where}, {record.source}: found missing samples in {lost} of {total} movements (the first at "
-        f"{one.stretch.begin:.4g} s){_which_marker(record, spec)}, expected an angle throughout"
+        f"{one.stretch.begin:.4g} s){_which_marker(record, spec)}, expected a position throughout"
     )
 
 
@@ -477,7 +477,7 @@ def _which_marker(record: PointingRecord, spec: AssessmentTable) -> str:
 
 
 REASON_WORDS = {
-    "lost": "with missing samples of the motion",
+    "lost": "with gaps in the recorded position",
     "still": "that did not reach half-way",
     "direction": "the other way",
     "no_peak": "without a clear peak of the speed",

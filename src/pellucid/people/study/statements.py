@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.estimates import Verdict
-from ..certificate_text import p_statement
+from ..certificate_text import lowered, p_statement
 from ..comparison import smallest_p
 from ..equivalence import WITHIN_MARGIN
 from ..indices import index_names, leading_index
@@ -18,7 +18,7 @@ from .pointing import reason_words
 from .primary_change import ESTIMAND_WORDS, primary_change
 
 if TYPE_CHECKING:
-    from .assessment_result import Assessed, AssessmentResult
+    from .assessment_result import Assessed, AssessmentResult, Settling
 
 MIN_ISOCHRONY_R2 = 0.8
 """Isochrony counts as preserved if the mean R² between amplitude and mean velocity is at least this."""
@@ -38,10 +38,15 @@ def headline(found: AssessmentResult) -> str:
         for condition, (value, interval) in told.items()
         if value
     ]
-    cut = [f"{100.0 * each.curve.cut:.0f} % in {each.condition}" for each in found.settling if each.curve.cut]
+    cut = unsettled_shares(found.settling)
     more = f"; never settled: {_listed(cut)}" if cut else ""
     words = lowered(leading.table.index.words)
     return f"{verdicts_text}{counts_text}; {words} against {found.control}: {', '.join(parts)}{more}."
+
+
+def unsettled_shares(settling: Sequence[Settling]) -> list[str]:
+    """Return in words the share of movements that never settled, for each condition in which some did not."""
+    return [f"{100.0 * each.curve.cut:.1f} % in {each.condition}" for each in settling if each.curve.cut]
 
 
 def paragraph(found: AssessmentResult) -> str:
@@ -114,11 +119,6 @@ def _mean_of(words: str) -> str:
     if words.startswith(("Median", "Share")):
         return f"The mean {lowered(words)}"
     return f"Mean {lowered(words)}"
-
-
-def lowered(words: str) -> str:
-    """Return words as they stand within a sentence; an abbreviation keeps its capitals."""
-    return words if words[:2].isupper() else words[:1].lower() + words[1:]
 
 
 def _change(found: AssessmentResult, each: Assessed, condition: str) -> str:
@@ -258,7 +258,10 @@ def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
         "The result of the comparison depends on the filter or on the definition of the movements' end: "
         f"{'; '.join(turned)}.{steady}"
     )
-    return [Verdict("warning", text, "Report the result by the rule that was stated before the data.")]
+    registered = "Report the result by the registered analysis." if found.is_registered else (
+        "Report the results by all of them: no analysis was registered before the data."
+    )
+    return [Verdict("warning", text, registered)]
 
 
 def rule_words(rule: str) -> str:

@@ -164,7 +164,8 @@ class Page:
     A page without an answer has a `headline` in its place.
 
     `verdicts`, of a kind each, tell what to know: the worst stand below the next steps, the others at the page's end.
-    The sections of a `summary` stand on the first screen, side by side where their tables have room.
+    The sections of a `summary` stand on the first screen, side by side where their tables have room. So do the answers
+    of `others`, results of the same study.
     """
 
     title: str
@@ -177,6 +178,7 @@ class Page:
     answer: Answer | None = None
     figure: Drawing | None = None
     summary: tuple[Section, ...] = ()
+    others: tuple[Answer, ...] = ()
 
     @property
     def said(self) -> str:
@@ -187,6 +189,11 @@ class Page:
     def lead(self) -> str:
         """First sentences of what is said, which stand on the first screen."""
         return _split_headline(self.said)[0]
+
+    @property
+    def other_leads(self) -> tuple[tuple[Answer, str], ...]:
+        """Return the answers of `others`, each with its first sentences."""
+        return tuple((each, _split_headline(typeset_sentence(begun(each.said)))[0]) for each in self.others)
 
     @property
     def detail(self) -> str:
@@ -218,8 +225,9 @@ class Page:
 
     @property
     def following(self) -> tuple[str, ...]:
-        """Return the recommended next steps in sentences, except that of the report itself."""
-        return () if self.answer is None else tuple(s.sentence for s in self.answer.next if s.name != REPORT_COMMAND)
+        """Return the recommended next steps of all answers in sentences, except that of the report itself."""
+        steps = [step for answer in (self.answer, *self.others) if answer is not None for step in answer.next]
+        return tuple(dict.fromkeys(step.sentence for step in steps if step.name != REPORT_COMMAND))
 
     @property
     def drawings(self) -> tuple[Drawing, ...]:

@@ -106,6 +106,7 @@ def count_recordings(study: Study, used: Collection[str]) -> Basis:
         parts=parts if parts > len(wholes) else 0,
         rows=sum(len(r) + r.repeats for r in read) if excluded else 0,
         excluded=excluded,
+        people=len({recording.participant for recording in read} - {None}),
     )
 
 

@@ -530,6 +530,10 @@ def report(
     return write_report(study, result, only_kept=only_kept, with_pdf=with_pdf, on_progress=on_progress).page
 
 
+LACKING_REASON = "not run yet, or by another version or with other settings or recordings"
+"""Why a page lacks an analysis that study.toml asks for."""
+
+
 @dataclass(frozen=True)
 class WrittenReport:
     """A report that was written: its page, the answers that it shows, and the commands of what it lacks."""
@@ -544,7 +548,7 @@ class WrittenReport:
         steps = [step for answer in self.answers for step in answer.next if step.name != REPORT_COMMAND]
         following = [f"Next: {self.lacking}"] if self.lacking else next_lines(steps)
         said = [line for answer in self.answers for line in answer_lines(answer)]
-        lacks = [f"The page lacks analyses of study.toml; compute them with: {self.lacking}"] if self.lacking else []
+        lacks = [f"The page lacks analyses ({LACKING_REASON}): {self.lacking}"] if self.lacking else []
         return (*said, *lacks, f"Report: {self.page}", *following)
 
 
@@ -566,7 +570,7 @@ def write_report(
         raise PellucidError(f"{study.folder}: found no up-to-date results; compute them with: {commands}")
     page, answers = _one_page([page for _, page in made]), tuple(found.answer for found, _ in made)
     if missing:
-        page = _with_step(page, Step("Compute the analyses of study.toml that this page lacks", line=commands))
+        page = _with_step(page, Step(f"Compute what this page lacks ({LACKING_REASON})", line=commands))
     try:
         return WrittenReport(write_page(Path(study.report_dir), page, with_pdf=with_pdf), answers, commands)
     except OSError:
@@ -722,11 +726,11 @@ def _one_page(pages: list[Page]) -> Page:
         drawn = () if page.figure is None else (page.figure,)
         names = {drawing.name for one in (*pages[:i], *pages[i + 1 :]) for drawing in one.drawings}
         drawings = tuple(replace(d, name=f"{d.name}-{i}") if d.name in names else d for d in drawn)
-        following = tuple(f"Next: {text}" for text in page.following)
-        answers.append(Section(f"answer-{i}", capitalised(what), (words, *following), drawings=drawings))
+        answers.append(Section(f"answer-{i}", capitalised(what), (words,), drawings=drawings))
+    more = tuple(page.answer for page in others if page.answer is not None)
     tiles = tuple(tile for page in pages for tile in page.tiles)
     verdicts = sorted((v for page in pages for v in page.verdicts), key=lambda v: VERDICT_KINDS.index(v[0]))
-    return replace(first, tiles=tiles, sections=(*answers, *sections), verdicts=tuple(verdicts))
+    return replace(first, tiles=tiles, sections=(*answers, *sections), verdicts=tuple(verdicts), others=more)
 
 
 MAX_COLUMNS = 12

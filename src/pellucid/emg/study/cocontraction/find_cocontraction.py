@@ -136,7 +136,7 @@ def cocontraction_answer(result: CocontractionResult) -> Answer:
 LONGER_STEP = Step(f"Record each pair for {MIN_INTERVAL_S:g} s or longer: shorter recordings give no interval")
 """Next step where recordings are too short."""
 
-ENVELOPE_STEP = Step('Or compare recorded envelopes alone: state their unit as 1 and write `chain = "none"`')
+ENVELOPE_STEP = Step('Or take co-contraction of recorded envelopes alone: state their unit as 1 and `chain = "none"`')
 """Next step where envelopes were recorded: co-contraction needs no raw EMG, but one kind of channel."""
 
 
@@ -172,19 +172,20 @@ def _rows(study: str, each: PairActivity, of: MuscleEnvelopes, level: float) -> 
 
 
 def _headline(found: list[PairActivity]) -> str:
-    """Return the headline: the range of the common index for each pair."""
+    """Return the headline: the range of the common index for each pair, and in how many recordings it is known."""
     sentences = []
     for pair in dict.fromkeys(each.pair for each in found):
         own = [each for each in found if each.pair == pair]
         values = [each.found.common.value for each in own if not each.enveloped]
-        lacking = len(own) - len(values)
-        if lacking:
-            where = f"in {lacking} of {len(own)} recordings"
-            sentences.append(f"the co-contraction of {' and '.join(pair)} is not known {where}")
+        names, of = " and ".join(pair).replace("_", " "), f"{len(own)} recording{'s' * (len(own) > 1)}"
         if not values:
+            sentences.append(f"the co-contraction of {names} is not known in {of}")
             continue
-        span = f"{values[0]:.0f}" if len(values) == 1 else f"{min(values):.0f} to {max(values):.0f}"
-        sentences.append(f"{' and '.join(pair)} have {span} % of their activity in common")
+        span = f"{values[0]:.0f} %" if len(values) == 1 else (
+            f"{min(values):.0f} to {max(values):.0f} % (median {np.median(values):.0f} %)"
+        )
+        where = of if len(values) == len(own) else f"{len(values)} of {of}, unknown in the others"
+        sentences.append(f"{names} have {span} of their activity in common, in {where}")
     return "; ".join(sentences) + "."
 
 

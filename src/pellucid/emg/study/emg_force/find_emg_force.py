@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -57,13 +57,12 @@ MAX_CORRELATION = 0.9999
 ForceAnswer = Literal["follows the force", "tells some of the force", "tells little of the force", "cannot say"]
 """Possible answers to whether a muscle's EMG follows the force."""
 
-HEADLINE_WORDS: dict[ForceAnswer, str] = {
-    "follows the force": "follows the force",
-    "tells some of the force": "follows the force partly",
-    "tells little of the force": "hardly follows the force",
-    "cannot say": "is undecided",
+HEADLINE_WORDS: dict[AnswerVerdict, str] = {
+    "yes": "{least:g} or more",
+    "no": "less than {least:g}",
+    "cannot say": "undecided, because the interval includes {least:g}",
 }
-"""Predicate of the muscles with each answer in the headline."""
+"""Words for the correlations of each verdict in the headline."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +87,11 @@ class MuscleForce:
         if self.low > 0.0:
             return "tells some of the force"
         return "tells little of the force" if self.high < self.follows else "cannot say"
+
+    @property
+    def verdict(self) -> AnswerVerdict:
+        """Whether the correlation is the stated one or more."""
+        return "yes" if self.low >= self.follows else "no" if self.high < self.follows else "cannot say"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -136,10 +140,9 @@ def force_answer(result: EmgForceResult) -> Answer:
     """Return whether the EMG of each task's own muscle follows the force, by the interval of its correlation."""
     parts, numbers = [], []
     for each in (each for each in result.found if each.agonist):
-        below = each.high < each.follows
-        verdict: AnswerVerdict = "yes" if each.low >= each.follows else "no" if below else "cannot say"
         name = f"{_words(each.muscle)} in {_words(each.task)}"
-        parts.append(AnswerPart(name, verdict, f"r {each.mean:.2f} ({each.low:.2f} to {each.high:.2f}): {each.answer}"))
+        interval = f"{each.low:.2f} to {each.high:.2f}"
+        parts.append(AnswerPart(name, each.verdict, f"r {each.mean:.2f} ({interval}): {each.answer}"))
         numbers.append(AnswerNumber(f"correlation of {name} with the force", each.mean, "1", (each.low, each.high)))
     count, least = len(result.checksums), next((each.follows for each in result.found), 1.0)
     return answer_of_parts(
@@ -228,21 +231,21 @@ def _words(name: str) -> str:
 
 
 def _headline(found: Sequence[MuscleForce], level: float) -> str:
-    """Return the headline: each task's own muscle with its correlation and interval, by answer, the worst last."""
+    """Return the headline: each task's own muscle with its correlation and interval, by verdict."""
     own = [e for e in found if e.agonist]
     counts = sorted({len(e.each) for e in own})
     people = "person" if counts == [1] else "people"
     muscles = Counter(e.muscle for e in own)
     parts = []
-    for answer in get_args(ForceAnswer):
+    for verdict, words in HEADLINE_WORDS.items():
         told = [
             f"{_words(e.muscle)}{f' in {_words(e.task)}' if muscles[e.muscle] > 1 else ''} {e.mean:.2f} "
             f"({e.low:.2f} to {e.high:.2f})"
             for e in own
-            if e.answer == answer
+            if e.verdict == verdict
         ]
         if told:
-            parts.append(f"{HEADLINE_WORDS[answer]}: {', '.join(told)}")
+            parts.append(f"{words.format(least=own[0].follows)}: {', '.join(told)}")
     of = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     return f"Correlation of EMG and force, {of} {people} ({100 * level:g} % interval): {'; '.join(parts)}."
 

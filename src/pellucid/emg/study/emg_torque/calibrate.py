@@ -333,6 +333,10 @@ def calibration_answer(result: CalibrationResult) -> Answer:
     count = len(result.checksums)
     more, exports = _worth_steps(result), _export_steps(result)
     steps = (*exports[:1], *more, *exports[1:]) if verdict == "yes" else (*_improving(result, joints), *more)
+    clock = tuple(
+        Step(f"Check that EMG and torque share a clock, and that no causal filter delays the torque: {sentence}")
+        for sentence in (v.text.partition(". ")[0] for v in result.verdicts if v.finding == findings.CLOCK_FINDING)
+    )
     return Answer(
         f"Is torque estimated on held-out recordings with R² of {MIN_TORQUE_R2:g} or more?",
         verdict,
@@ -341,7 +345,7 @@ def calibration_answer(result: CalibrationResult) -> Answer:
         (*joints, *adds),
         tuple(numbers),
         Basis(count, count, judged=_judged_words(result), held_out=len(_held_out_names(result))),
-        next=steps,
+        next=(*clock, *steps),
     )
 
 
@@ -736,7 +740,7 @@ def _headline(chosen: Sequence[RecommendedEstimator]) -> str:
         sentences.append(
             f"{', '.join(each.what for each in chosen)}: RMS error from {least:.3g} to {_error_words(one)} "
             f"({worst.what}) with {words}"
-            + (f"; angles alone, without EMG: {min(bare):.3g} to {max(bare):.3g}" if bare else "")
+            + (f"; angles alone, without EMG: {min(bare):.3g} to {max(bare):.3g} {one.unit}" if bare else "")
         )
         chosen = ()
     for each in chosen:
@@ -750,14 +754,14 @@ def _headline(chosen: Sequence[RecommendedEstimator]) -> str:
             name = max(by_trial, key=lambda t: by_trial[t].rmse)
             own = f"{by_trial[name].rmse:.3g} {each.judged[0].unit} (R² {by_trial[name].r2:.3f})"
             alone = each.bare[0].by_trial.get(name) if each.bare else None
-            beside = f"; angles alone there: {alone.rmse:.3g}" if alone is not None else ""
+            beside = f"; angles alone there: {alone.rmse:.3g} {each.judged[0].unit}" if alone is not None else ""
             worst_words = f"; the worst trial is {_spoken(name)}, with {own}{beside}"
         else:
             worst_words = ""
         bare = " and ".join(f"{e.score.rmse:.3g}" for e in each.bare[:3])
         sentences.append(
             f"{each.what}: RMS error {' and '.join([first, *others])}, with {each.brief}"
-            + (f" (angles alone, without EMG: {bare})" if bare else "")
+            + (f" (angles alone, without EMG: {bare} {each.judged[0].unit})" if bare else "")
             + worst_words
         )
     recordings = {e.recording for each in chosen for e in each.judged} - {""}

@@ -457,6 +457,9 @@ def find_applicable_estimators(
 DRAWN_MUSCLES_S = 3.0
 """Duration of the stretch of a trial in figures of muscles [s]."""
 
+CLOCK_FINDING = "clock"
+"""Name of the finding that EMG runs ahead of the torque by more than a person's delay."""
+
 DELAY_TOLERANCE_S = 5e-3
 """An electromechanical delay counts as longer than a person's only if it exceeds the longest by more than this [s]."""
 
@@ -595,6 +598,7 @@ def electromechanical_delay_verdict(what: str, delays: np.ndarray) -> Verdict:
         "delay includes this time offset.",
         "Check whether the torque was filtered causally and whether the streams share a clock. With several joints in "
         "[emg_torque], the offset is estimated separately from the electromechanical delay.",
+        finding=CLOCK_FINDING,
     )
 
 

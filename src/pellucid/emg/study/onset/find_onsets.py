@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,7 +17,7 @@ from ...._given import csv_cell
 from ....files.fault import Fault
 from ....files.recording import Recording
 from ....models.estimates import Verdict
-from ....study.answer import PAPER_STEP, Answer, AnswerPart, Basis, Step, reason_of_parts
+from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, Step, reason_of_parts
 from ....study.drawing.drawing import outline
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
@@ -27,11 +27,13 @@ from ...signals.emg_onset import (
     ENVELOPE_CAUSE,
     OTHER_CAUSE,
     Burst,
+    ChangePoint,
     UnseenOnsetError,
     activations,
     require_activity,
 )
 from ..muscle_channels import (
+    counted_muscles,
     emg_faults,
     emg_stream,
     find_recordings_with_emg,
@@ -170,18 +172,15 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
     seen = [burst for burst in bursts if burst.seen]
     if not seen:
         raise RecordingError(f"{study.folder}: found no muscle that begins to be active, expected rest before activity")
-    half = float(np.median([0.5 * (b.onset.high - b.onset.low) for b in seen]))
     late = float(np.median([b.crossed - b.onset.time for b in seen]))
     late_text = (
         f"A threshold alone would detect onsets {1e3 * late:.0f} ms later (median). An interval covers the time at "
         "which the variance begins to rise, whether abruptly or over up to 0.3 s."
     )
     verdicts.append(Verdict("note", late_text))
-    used = len({each.recording for each in found})
     return OnsetResult(
         study=study.name,
-        headline=f"{len(bursts)} bursts of {len({e.muscle for e in found})} muscles in {used} "
-        f"recording{'' if used == 1 else 's'}; the confidence interval of an onset is ±{1e3 * half:.0f} ms (median).",
+        headline=_headline(found, missed, table.confidence),
         tables=(_table(found),),
         verdicts=tuple(verdicts),
         confidence=table.confidence,
@@ -193,34 +192,61 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
     )
 
 
-def onset_answer(result: OnsetResult) -> Answer:
-    """Return whether the onset of every muscle was found in every recording."""
-    unseen = [each for each in result.muscles if not any(burst.seen for burst in each.bursts)]
-    count = len(result.muscles) + len(result.missed)
-    good = len(result.muscles) - len(unseen)
-    enveloped = Counter(each.muscle for each in result.missed if each.cause == ENVELOPE_CAUSE)
-    lacking = [(each, "no onset detected") for each in unseen] + [(each, each.cause) for each in result.missed]
-    parts = [AnswerPart(f"{each.muscle} in {each.recording}", "no", cause) for each, cause in lacking]
-    said = result.headline
-    if parts:
-        said = f"Onsets were found in {good} of {count} muscles and recordings. {said}"
-    recordings = len(result.checksums)
-    return Answer(
-        "Was the onset of every muscle found, in every recording?",
-        "no" if parts else "yes",
-        said,
-        f"{len(parts)} not found: {reason_of_parts(parts)}" if parts else "",
-        tuple(parts),
-        basis=Basis(recordings, recordings),
-        next=(*raw_emg_steps(enveloped), REST_STEP) if parts else (PAPER_STEP,),
+def _headline(found: Sequence[MuscleBursts], missed: Sequence[MissedMuscle], level: float) -> str:
+    """Return in how many channels the first onset was found, and its interval."""
+    onsets, count = first_onsets(found), len(found) + len(missed)
+    recordings = len({each.recording for each in (*found, *missed)})
+    return (
+        f"The first onset was found in {len(onsets)} of {count} EMG channel{'s' * (count > 1)} ({recordings} "
+        f"recording{'s' * (recordings > 1)}), to ±{half_width_ms(onsets):.0f} ms (half-width of its "
+        f"{100 * level:g} % interval, median)."
     )
 
 
-REST_STEP = Step(
-    "Record at least half a second of rest before each effort, and attach the electrodes of the muscles named below "
-    "again; or state the rest as `rest = [start, end]` in [onset]"
-)
-"""Next step where a muscle's onset was not found."""
+def first_onsets(found: Sequence[MuscleBursts]) -> list[ChangePoint]:
+    """Return the first onset of each muscle and recording in which one was seen."""
+    firsts = (next((burst.onset for burst in each.bursts if burst.seen), None) for each in found)
+    return [onset for onset in firsts if onset is not None]
+
+
+def half_width_ms(onsets: Sequence[ChangePoint]) -> float:
+    """Return the median half-width of the intervals of onsets [ms]."""
+    return float(np.median([500.0 * (onset.high - onset.low) for onset in onsets]))
+
+
+def onset_answer(result: OnsetResult) -> Answer:
+    """Return whether the onset of every muscle was found in every recording."""
+    unseen = [each for each in result.muscles if not any(burst.seen for burst in each.bursts)]
+    enveloped = Counter(each.muscle for each in result.missed if each.cause == ENVELOPE_CAUSE)
+    lacking = [(each, "no onset detected") for each in unseen] + [(each, each.cause) for each in result.missed]
+    parts = [AnswerPart(f"{each.muscle} in {each.recording}", "no", cause) for each, cause in lacking]
+    onsets, recordings = first_onsets(result.muscles), len(result.checksums)
+    quiet_ones = Counter(each.muscle for each, cause in lacking if cause != ENVELOPE_CAUSE)
+    return Answer(
+        "Was the onset of every muscle found, in every recording?",
+        "no" if parts else "yes",
+        result.headline,
+        f"{len(parts)} not found: {reason_of_parts(parts)}" if parts else "",
+        tuple(parts),
+        (
+            AnswerNumber("channels with an onset", len(onsets), "1"),
+            AnswerNumber("half-width of the interval of a first onset, median", half_width_ms(onsets), "ms"),
+        ),
+        Basis(recordings, recordings),
+        next=(*raw_emg_steps(enveloped), *_rest_steps(quiet_ones)) if parts else (PAPER_STEP,),
+    )
+
+
+def _rest_steps(lacking: Mapping[str, int]) -> tuple[Step, ...]:
+    """Return the step that muscles need whose raw EMG shows no onset, with the number of their recordings."""
+    if not lacking:
+        return ()
+    return (
+        Step(
+            f"Attach the electrodes of {counted_muscles(lacking)} again, and record half a second of rest before each "
+            "effort; or state the rest as `rest = [start, end]` in [onset]"
+        ),
+    )
 
 
 def _with_raw_emg(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from ....study.drawing.drawing import Drawing, draw, line, tidy
@@ -17,6 +18,20 @@ from ....study.study import Study
 from .find_onsets import MAX_DRAWN_RECORDINGS, MuscleBursts, OnsetResult
 from .onset_table import OnsetTable
 
+AXIS_SHARE = 0.9
+"""Share of a figure's width that its axes have."""
+
+MARKER_SIZES = (2.0, 6.0)
+"""Smallest and largest width of a triangle [points]."""
+
+
+def marker_size(each: MuscleBursts) -> float:
+    """Return the width of triangles [points] at which those of neighbouring bursts do not overlap."""
+    points = 72.0 * FIGURE_WIDTH * AXIS_SHARE / float(each.time[-1] - each.time[0])
+    gaps = [np.diff([t.time for t in own]) for own in zip(*((b.onset, b.end) for b in each.bursts), strict=True)]
+    least = min((float(gap.min()) for gap in gaps if len(gap)), default=np.inf)
+    return float(np.clip(points * least, *MARKER_SIZES))
+
 
 def burst_traces(muscles: Sequence[MuscleBursts], name: str, caption: str) -> Drawing:
     """Draw raw EMG of one recording: activity shaded, the interval of each onset and end darker, rest underlined."""
@@ -24,6 +39,7 @@ def burst_traces(muscles: Sequence[MuscleBursts], name: str, caption: str) -> Dr
     axes = figure.subplots(len(muscles), 1, sharex=True, squeeze=False)[:, 0]
     for axis, each in zip(axes, muscles, strict=True):
         line(axis, each.time, 1e3 * each.samples, color=colour("measured"), linewidth=0.6)
+        size = marker_size(each)
         for burst in each.bursts:
             axis.axvspan(burst.onset.time, burst.end.time, color=colour("fitted"), alpha=0.12, linewidth=0.0)
             for point, role, (bottom, top), marker in (
@@ -34,7 +50,7 @@ def burst_traces(muscles: Sequence[MuscleBursts], name: str, caption: str) -> Dr
                 axis.axvline(point.time, bottom, top, color=colour(role), linewidth=1.2)
                 axis.plot(
                     [point.time], [top if role == "heldout" else bottom], transform=axis.get_xaxis_transform(),
-                    marker=marker, markersize=6.0, markeredgewidth=0.0, color=colour(role), clip_on=False, zorder=5,
+                    marker=marker, markersize=size, markeredgewidth=0.0, color=colour(role), clip_on=False, zorder=5,
                 )  # fmt: skip
         low, _ = axis.get_ylim()
         axis.plot(each.rest, (low, low), color=colour("good"), linewidth=3.0, clip_on=False, solid_capstyle="butt")
