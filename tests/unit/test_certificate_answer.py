@@ -338,7 +338,7 @@ def test_one_rule_decides_a_condition_and_gives_its_number():
     assert not is_decided_by_people(replace(own, beyond={"duration": 0.01}), "duration")
     found = SimpleNamespace(certified=(each,), control="balance", participants=("p",) * 12, settling=())
     said = assessment_answer._decisions_text(found)
-    assert said.startswith("full_accuracy: not transparent, 6 of 12 people changed mean duration by more than 3 margins")
+    assert said.startswith("full_accuracy: not transparent, 6 of 12 people changed mean duration by more than 3")
     assert "interval" not in said
     assert said.endswith("Compared with balance, 12 people, margin −9.1 to +10.0 %.")
 
