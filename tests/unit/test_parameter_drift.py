@@ -7,7 +7,7 @@ import pytest
 from research.evidence._foreign_joint import drawn_joint, recorded, written
 
 import pellucid as pl
-from pellucid.joint.fit.recording_agreement import find_parameter_drift, share_of_time
+from pellucid.joint.fit.recording_agreement import find_parameter_drift, shares_of_time
 from pellucid.numerics.regression import Solution
 
 
@@ -71,7 +71,7 @@ def test_a_chirp_tells_no_drift():
 
     def share(speed):
         motion = SimpleNamespace(time=time, states=time[:, None], velocity=speed, recording="a")
-        return share_of_time(motion, [motion])
+        return shares_of_time([motion])
 
     assert share(np.sin(3.0 * time)) == pytest.approx(time / 10.0 - 0.5)
     assert not share(np.sin(3.0 * time) * (0.2 + time)).any()

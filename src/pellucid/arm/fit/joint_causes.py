@@ -105,7 +105,7 @@ def _stretches(
         measured - at.residuals(found.values)[k],
         _states(rows, k, compute_loads(rows, model, found.values)[lines, k]),
         friction=np.array([numbers[i] not in ("", *NO_FRICTION) for i in at.places[k].tolist()]),
-        time=np.concatenate([_time(rows, m, k) for m in rows.motions])[lines],
+        time=_times(rows, k)[lines],
         labels=left_out_stretches.segments_of([len(m) for m in rows.motions])[lines],
         kept=np.abs(_turning(rows, k)[lines, SLOW_SPEED_SHARES.index(slow_speed_share) - len(SLOW_SPEED_SHARES)])
         < SLOW_SHARE,
@@ -178,8 +178,10 @@ def _turning_along(motion: TreeMotion, k: int, usual: float) -> np.ndarray:
     return motion.friction(law, np.eye(motion.velocity.shape[1])[k])
 
 
-def _time(rows: TreeRows, motion: TreeMotion, k: int) -> np.ndarray:
-    """Return the time of a motion's rows from start to end of its recording, (n,)."""
-    same = [m for m in rows.motions if m.recording == motion.recording]
-    whole, speeds = np.concatenate([m.time for m in same]), np.concatenate([m.velocity[:, k] for m in same])
-    return recording_agreement.centred_time(motion.time, whole, speeds)
+def _times(rows: TreeRows, k: int) -> np.ndarray:
+    """Return the time of all rows from start to end of their recording, (N,); 0 where the speeds of joint k change."""
+    spans = {
+        name: recording_agreement.steady_span([(m.time, m.velocity[:, k]) for m in rows.motions if m.recording == name])
+        for name in {m.recording for m in rows.motions}
+    }
+    return np.concatenate([recording_agreement.centred_time(m.time, spans[m.recording]) for m in rows.motions])

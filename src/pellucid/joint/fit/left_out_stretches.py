@@ -15,7 +15,7 @@ from ...numerics.regression import Stack, regression_rows
 from ...numerics.uncertainty import correlation_time
 from .discrepancy import NEGLECTED_EFFECTS, TWISTED_ANGLE, UNEQUAL_LOAD_LOSSES, States
 from .friction_solver import block_labels, rows_of_blocks
-from .recording_agreement import share_of_time
+from .recording_agreement import shares_of_time
 
 MAX_ROWS = 50_000
 """Rows beyond this number are thinned."""
@@ -215,7 +215,7 @@ class LeftOutStretches(LeftOutColumns):
         super().__init__(
             jacobian, data.target, effort, states,
             friction=np.array([is_friction(name) for name in model.names], bool),
-            time=np.concatenate([share_of_time(m, data.motions) for m in data.motions]),
+            time=shares_of_time(data.motions),
             labels=segments_of(data.lengths),
             kept=_share_of_slow_samples(data, slow_speed_share) < SLOW_SHARE,
             effort_unit=model.effort_unit,

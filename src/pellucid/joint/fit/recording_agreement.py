@@ -199,7 +199,6 @@ def find_parameter_drift(
 
     Parameters that have no effect do not drift. `level` is the confidence level for all parameters together.
     """
-    share = [share_of_time(m, data.motions) for m in data.motions]
     step = max(1, -(-len(found.residual) // MAX_ROWS))
     ends = np.cumsum(data.lengths)[:-1]
     kept = np.concatenate([at[::step] for at in np.split(np.arange(len(found.residual)), ends)])
@@ -212,7 +211,7 @@ def find_parameter_drift(
     if len(residual) < 2 * MIN_ROWS_PER_PARAMETER * max(p, 1) or not np.any(residual):
         return None
     w = w[:, free]
-    both = np.hstack([w, w * np.concatenate(share)[kept, None]])
+    both = np.hstack([w, w * shares_of_time(data.motions)[kept, None]])
     scale = np.linalg.norm(both, axis=0)
     if not np.all(scale > 0.0):
         return None
@@ -249,27 +248,41 @@ MAX_HALVES_RATIO = 1.5
 """RMS speeds of the halves of a recording have at most this ratio, where a drift is to be told from them."""
 
 
-def share_of_time(motion: Motion, motions: Sequence[Motion]) -> np.ndarray:
-    """Return the time of a motion's rows from -1/2 at the start of its recording to 1/2 at its end, (n,).
+def shares_of_time(motions: Sequence[Motion]) -> np.ndarray:
+    """Return the time of all motions' rows from -1/2 at the start of their recording to 1/2 at its end, (m,).
 
     It is 0 throughout a recording whose speeds change along it; see `centred_time`.
     """
-    same = [m for m in motions if m.recording == motion.recording]
-    times, speeds = (np.concatenate([getattr(m, name) for m in same]) for name in ("time", "velocity"))
-    return centred_time(motion.states[:, 0], times, speeds)
+    names = dict.fromkeys(m.recording for m in motions)
+    spans = {name: steady_span([(m.time, m.velocity) for m in motions if m.recording == name]) for name in names}
+    return np.concatenate([centred_time(m.states[:, 0], spans[m.recording]) for m in motions])
 
 
-def centred_time(time: np.ndarray, whole: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+def steady_span(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, float] | None:
+    """Return the first and the last time of a recording; None where speeds change along it, as those of a chirp.
+
+    `parts` has the times and speeds of all its samples, two arrays of shape (k,) for each stretch.
+    """
+    first, last = min(float(time.min()) for time, _ in parts), max(float(time.max()) for time, _ in parts)
+    sums, counts = [0.0, 0.0], [0, 0]
+    for time, speeds in parts:
+        is_late = time > 0.5 * (first + last)
+        for half, samples in enumerate((speeds[is_late], speeds[~is_late])):
+            sums[half] += float(samples @ samples)
+            counts[half] += len(samples)
+    means = [total / count for total, count in zip(sums, counts, strict=True) if count]
+    return None if max(means) > MAX_HALVES_RATIO**2 * min(means) else (first, last)
+
+
+def centred_time(time: np.ndarray, span: tuple[float, float] | None) -> np.ndarray:
     """Return times, (n,), from -1/2 at the start of a recording to 1/2 at its end; (n,).
 
-    `whole` and `speeds`, (k,), are the times and speeds of all its samples. The result is 0 where speeds change along
-    the recording, as those of a chirp: what changes with time cannot be told there from what changes with speed.
+    `span` is that of `steady_span`. The result is 0 without one: what changes with time cannot be told there from what
+    changes with speed.
     """
-    first, last = float(whole.min()), float(whole.max())
-    is_late = whole > 0.5 * (first + last)
-    halves = [float(np.mean(np.square(speeds[half]))) for half in (is_late, ~is_late) if half.any()]
-    if max(halves) > MAX_HALVES_RATIO**2 * min(halves):
+    if span is None:
         return np.zeros(len(time))
+    first, last = span
     return (time - first) / max(last - first, np.finfo(float).tiny) - 0.5
 
 
