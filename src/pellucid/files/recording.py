@@ -70,6 +70,10 @@ class Channel:
     def __len__(self) -> int:
         return len(self.samples)
 
+    def within(self, span: slice) -> Channel:
+        """Return the channel with only the samples in a `span`."""
+        return replace(self, samples=self.samples[span])
+
 
 @dataclass(frozen=True)
 class Payload:
@@ -323,22 +327,27 @@ class Recording:
         near = np.diff(self.time) <= self.longest_step
         return loses_samples_only(self.time, self.spans, near, 1.0 / self.fs)
 
-    @cached_property
+    @property
     def clock(self) -> SampleClock:
-        """Estimated times of the samples.
+        """Estimated times of the samples."""
+        return self._smoothed_clock or SampleClock(self.time)
+
+    @cached_property
+    def _smoothed_clock(self) -> SampleClock | None:
+        """Smoothed times of the samples; None where the stamps stand, of which no copy is kept.
 
         Unless `smooth_stamps` decides it, stamps are smoothed only if they jitter, are not those of a clock that loses
         samples, and fit the recorded motion better when they are smoothed: a stamp then records the arrival of a
         sample."""
         names = [name for name in self.channels if name.partition(".")[0] in ("position", "motor_position")]
         if not names or len(self) < 3 or not self.advances or not np.isfinite(self.time).all():
-            return SampleClock(self.time)
+            return None
         always = self.smooth_stamps == "always"
         if self.smooth_stamps == "never" or not (always or (self.jitter > MAX_EVEN_JITTER and not self.loses_samples)):
-            return SampleClock(self.time)
+            return None
         nothing = Channel("velocity", np.full(len(self), np.nan), "", "")
         velocities = [self.channels.get(name.replace("position", "velocity", 1), nothing) for name in names]
-        return sample_clock(
+        found = sample_clock(
             self.time,
             np.column_stack([self[name] for name in names]),
             np.column_stack([velocity.samples for velocity in velocities]),
@@ -346,11 +355,12 @@ class Recording:
             np.diff(self.time) <= self.longest_step,
             always=always,
         )
+        return found if found.window > 0 else None
 
     @property
     def stamped_evenly(self) -> bool:
         """Whether stamps are smoothed, because they jitter around an even clock."""
-        return self.clock.window > 0
+        return self._smoothed_clock is not None
 
     @cached_property
     def enabled(self) -> np.ndarray:
@@ -377,7 +387,7 @@ class Recording:
 
 def channels_within(recording: Recording, span: slice) -> dict[str, Channel]:
     """Return all channels of a recording with only the samples in a `span`."""
-    return {name: replace(channel, samples=channel.samples[span]) for name, channel in recording.channels.items()}
+    return {name: channel.within(span) for name, channel in recording.channels.items()}
 
 
 def make_cut(recording: Recording, kind: str, channel: str, *, first: int, last: int, found: str) -> Cut:

@@ -35,6 +35,11 @@ class StoredArray:
         """Return the array, read-only, as the file holds it."""
         return self._store.read(self._start, self.shape)
 
+    def read_rows(self, first: int, stop: int) -> np.ndarray:
+        """Return rows of the array from `first` to before `stop`, read-only; the others are not read."""
+        row = np.dtype(float).itemsize * int(np.prod(self.shape[1:]))
+        return self._store.read(self._start + first * row, (stop - first, *self.shape[1:]))
+
 
 class StoredArrays(Mapping):
     """Arrays by name, each read from the file when it is asked for."""
@@ -68,6 +73,11 @@ class StoredChannel(Channel):
 
     def __len__(self) -> int:
         return self.__dict__["_array"].shape[0]
+
+    def within(self, span: slice) -> Channel:
+        first, stop, step = span.indices(len(self))
+        samples = self.__dict__["_array"].read_rows(first, max(first, stop))
+        return Channel(self.name, samples[::step], self.unit, self.column)
 
     def __reduce__(self):
         # Another process has its own copy, because it does not share the temporary file.

@@ -20,6 +20,7 @@ from ..numerics.even_times import even_times
 from ..numerics.filters import runs
 from ..numerics.motion import MIN_LONG_SAMPLES, Filtering, Motion, motion_of, pieces, shortest
 from .drive_channel import DRIVE_CHANNELS
+from .stored_motions import store_motions
 from .study import Study
 from .study_file import Drive, JointTable, Processing, SeveralJoints
 
@@ -96,7 +97,7 @@ def filtering_of(processing: Processing) -> Filtering:
 def motions_of(recordings: Iterable[Recording], study: Study) -> tuple[Motion, ...]:
     """Return the motion of every uncut stretch with the drive enabled, filtered and differentiated."""
     model = drive_model(study.rig)
-    return tuple(m for r in recordings for m in _motions_of(r, study, model))
+    return tuple(store_motions(m for r in recordings for m in _motions_of(r, study, model)))
 
 
 @dataclass(frozen=True)
@@ -276,7 +277,12 @@ class Stretch:
     def part(self, samples: slice) -> Stretch:
         """Return some of the samples as a stretch."""
         start = "measured" if samples.start else self.start
-        return Stretch(replace(self.recording, channels=channels_within(self.recording, samples)), self.fs, start)
+        # Copies let the whole stretch be released.
+        channels = {
+            name: replace(channel, samples=np.array(channel.samples))
+            for name, channel in channels_within(self.recording, samples).items()
+        }
+        return Stretch(replace(self.recording, channels=channels), self.fs, start)
 
 
 def stretches_of(recording: Recording, processing: Processing) -> Iterator[Stretch]:

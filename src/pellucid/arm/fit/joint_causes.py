@@ -180,8 +180,10 @@ def _turning_along(motion: TreeMotion, k: int, usual: float) -> np.ndarray:
 
 def _times(rows: TreeRows, k: int) -> np.ndarray:
     """Return the time of all rows from start to end of their recording, (N,); 0 where the speeds of joint k change."""
-    spans = {
-        name: recording_agreement.steady_span([(m.time, m.velocity[:, k]) for m in rows.motions if m.recording == name])
-        for name in {m.recording for m in rows.motions}
-    }
+
+    def span_of(name: str) -> tuple[float, float] | None:
+        same = [(m.time, m.velocity[:, k]) for m in rows.motions if m.recording == name]
+        return recording_agreement.steady_span(lambda: same)
+
+    spans = {name: span_of(name) for name in {m.recording for m in rows.motions}}
     return np.concatenate([recording_agreement.centred_time(m.time, spans[m.recording]) for m in rows.motions])

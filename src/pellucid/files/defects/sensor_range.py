@@ -111,7 +111,7 @@ def find_sensor_ends(watched: WatchedRecording) -> Iterator[tuple[str, SensorEnd
     positions = [p for p in watched.drives if p in recording]
     if not positions or not recording.advances or len(recording) < RANGE_LIMITS.min_samples:
         return
-    motions = [np.where(watched.usable, recording[p], np.nan) for p in positions]
+    motions = [watched.samples(p) for p in positions]
     for drive in watched.drives.values():
         if drive.partition(".")[0] not in MEASURED_EFFORTS:
             continue
@@ -146,12 +146,40 @@ def sensor_ends(effort: np.ndarray, positions: Sequence[np.ndarray], rate: float
 
 
 @dataclass(frozen=True)
+class Averaged:
+    """A joint's averaged position, of which velocity and acceleration are computed for some samples at a time."""
+
+    position: np.ndarray  # (n,)
+    rate: float  # sampling rate [Hz]
+    usual_speed: float  # root mean square of the velocity
+
+    @classmethod
+    def of(cls, position: np.ndarray, rate: float) -> Averaged:
+        """Return the motion along an averaged `position`, (n,), sampled at a `rate` [Hz]."""
+        made, n = cls(position, rate, 0.0), len(position)
+        squares = sum(float(v @ v) for v in (made.velocity(block) for block in _blocks(n)))
+        return cls(position, rate, max(float(np.sqrt(squares / n)), np.finfo(float).tiny))
+
+    def velocity(self, rows: np.ndarray) -> np.ndarray:
+        """Return the velocity in some samples, the indices `rows` (m,), by central differences; (m,)."""
+        last = len(self.position) - 1
+        after, before = np.minimum(rows + 1, last), np.maximum(rows - 1, 0)
+        return (self.position[after] - self.position[before]) / (after - before) * self.rate
+
+    def acceleration(self, rows: np.ndarray) -> np.ndarray:
+        """Return the acceleration in these samples, (m,)."""
+        last = len(self.position) - 1
+        after, before = np.minimum(rows + 1, last), np.maximum(rows - 1, 0)
+        return (self.velocity(after) - self.velocity(before)) / (after - before) * self.rate
+
+
+@dataclass(frozen=True)
 class _Prepared:
     """An effort and the motions of all joints, averaged alike; every array has shape (n,)."""
 
     effort: np.ndarray  # as recorded
     recorded: np.ndarray  # averaged
-    motions: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]  # position, velocity, acceleration of each joint
+    motions: tuple[Averaged, ...]  # motion of each joint
     usable: np.ndarray  # mask of the samples whose averages contain no unusable sample
     top: dict[float, float]  # largest averaged effort of either sign
 
@@ -166,18 +194,14 @@ def _prepare(effort: np.ndarray, positions: Sequence[np.ndarray], rate: float) -
     known = np.isfinite(effort)
     for q in positions:
         known &= np.isfinite(q)
-    usable = np.convolve(~known, np.ones(4 * width + 1), "same") < 0.5
+    usable = known.copy() if known.all() else np.convolve(~known, np.ones(4 * width + 1), "same") < 0.5
     usable[: 3 * width] = usable[max(n - 3 * width, 0) :] = False
     if usable.sum() < RANGE_LIMITS.min_samples:
         return None
     recorded = _averaged(effort, known, width)
-    motions = []
-    for q in positions:
-        smooth = _averaged(q, known, width)
-        v = np.gradient(smooth) * rate
-        motions.append((smooth, v, np.gradient(v) * rate))
-    top = {sign: float(np.quantile(sign * recorded[usable], 0.999)) for sign in (1.0, -1.0)}
-    prepared = _Prepared(effort, recorded, tuple(motions), usable, top)
+    motions = tuple(Averaged.of(_averaged(q, known, width), rate) for q in positions)
+    low, high = np.quantile(recorded[usable], [0.001, 0.999], overwrite_input=True).tolist()
+    prepared = _Prepared(effort, recorded, motions, usable, {1.0: high, -1.0: -low})
     return prepared if prepared.half > 0.0 else None
 
 
@@ -189,12 +213,12 @@ def agrees_at_limit(effort: np.ndarray, positions: Sequence[np.ndarray], rate: f
     prepared = _prepare(effort, positions, rate)
     if prepared is None:
         return False
-    told = [_predicted(sign, prepared, share) for sign in (1.0, -1.0) for share in RANGE_LIMITS.core_shares[:1]]
-    return all(predicted is not None for predicted in told) and not sensor_ends(effort, positions, rate)
+    told = [_regression(sign, prepared, share) for sign in (1.0, -1.0) for share in RANGE_LIMITS.core_shares[:1]]
+    return all(found is not None for found in told) and not sensor_ends(effort, positions, rate)
 
 
-def _predicted(sign: float, of: _Prepared, share: float) -> tuple[np.ndarray, float] | None:
-    """Return the effort that the motion needs, shape (n,), and the error of the regression (RMS).
+def _regression(sign: float, of: _Prepared, share: float) -> tuple[np.ndarray, float] | None:
+    """Return the factors of the columns of motion that give the effort it needs, (1 + 6 j,), and their error (RMS).
 
     The regression leaves out the largest efforts of one `sign` and of the other. None where it explains too little.
     """
@@ -209,21 +233,30 @@ def _predicted(sign: float, of: _Prepared, share: float) -> tuple[np.ndarray, fl
     error = float(np.sqrt(np.mean((of.recorded[rows] - matrix @ values) ** 2)))
     if not error**2 <= (1.0 - RANGE_LIMITS.min_explained_share) * float(np.var(of.recorded[rows])):
         return None
-    n = len(of.recorded)
-    blocks = (np.arange(a, min(a + RANGE_LIMITS.block_samples, n)) for a in range(0, n, RANGE_LIMITS.block_samples))
-    return np.concatenate([_columns(of.motions, block) @ values for block in blocks]), error
+    return values, error
+
+
+def _blocks(n: int) -> Iterator[np.ndarray]:
+    """Yield the indices of `n` samples, `RANGE_LIMITS.block_samples` at a time."""
+    for first in range(0, n, RANGE_LIMITS.block_samples):
+        yield np.arange(first, min(first + RANGE_LIMITS.block_samples, n))
 
 
 def _end(sign: float, of: _Prepared, share: float, rate: float) -> SensorEnd | None:
     """Return the end of the range on the side of `sign`; None if the motion shows none."""
-    told = _predicted(sign, of, share)
+    told = _regression(sign, of, share)
     if told is None:
         return None
-    (predicted, error), half, top, usable, recorded = told, of.half, of.top[sign], of.usable, of.recorded
+    (values, error), half, top, usable, recorded = told, of.half, of.top[sign], of.usable, of.recorded
     margin = max(RANGE_LIMITS.min_residual_ratio * error, RANGE_LIMITS.min_range_share * half)
-    beyond = usable & (sign * predicted > top + margin)
+
+    def predict(block: np.ndarray) -> np.ndarray:
+        return _columns(of.motions, block) @ values
+
+    beyond = np.concatenate([sign * predict(block) > top + margin for block in _blocks(len(recorded))]) & usable
     if beyond.sum() < RANGE_LIMITS.min_beyond_samples:
         return None
+    predicted = np.concatenate([predict(block) for block in _blocks(len(recorded))])
     least = RANGE_LIMITS.min_recorded_share
     if np.mean(sign * recorded[beyond] >= top - (1.0 - least) * half) < least:
         return None
@@ -249,22 +282,26 @@ def _end(sign: float, of: _Prepared, share: float, rate: float) -> SensorEnd | N
     return SensorEnd(value, sign * float(np.max(sign * predicted[beyond])), cut)
 
 
-def _columns(motions: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], rows: np.ndarray) -> np.ndarray:
+def _columns(motions: Sequence[Averaged], rows: np.ndarray) -> np.ndarray:
     """Return columns of gravity, springs, friction and inertia of all j joints in m samples, shape (m, 1 + 6 j)."""
     made = [np.ones(len(rows))]
-    for position, velocity, acceleration in motions:
-        q, v, a = position[rows], velocity[rows], acceleration[rows]
-        usual = max(float(np.sqrt(np.mean(velocity**2))), np.finfo(float).tiny)
-        made += [q, np.sin(q), np.cos(q), v, np.tanh(v / (0.05 * usual)), a]
+    for motion in motions:
+        q, v, a = motion.position[rows], motion.velocity(rows), motion.acceleration(rows)
+        made += [q, np.sin(q), np.cos(q), v, np.tanh(v / (0.05 * motion.usual_speed)), a]
     return np.column_stack(made)
 
 
 def _averaged(x: np.ndarray, known: np.ndarray, width: int) -> np.ndarray:
     """Return running means over `width` samples, three times, with unknown samples interpolated, shape (n,)."""
-    place = np.arange(len(x))
-    smooth = x if known.all() else np.interp(place, place[known], x[known])
+    place = np.flatnonzero(known) if not known.all() else None
+    smooth = x if place is None else np.interp(np.arange(len(x)), place, x[place])
+    before, n = width // 2, len(x)
     for _ in range(3):
-        padded = np.concatenate((np.full(width // 2, smooth[0]), smooth, np.full(width - 1 - width // 2, smooth[-1])))
-        sums = np.cumsum(np.concatenate(([0.0], padded)))
-        smooth = (sums[width:] - sums[:-width]) / width
+        made = np.empty(n)
+        for first in range(0, n, RANGE_LIMITS.block_samples):
+            stop = min(first + RANGE_LIMITS.block_samples, n)
+            around = np.arange(first - before, stop + width - 1 - before)
+            sums = np.cumsum(np.concatenate(([0.0], smooth[np.clip(around, 0, n - 1)])))
+            made[first:stop] = (sums[width:] - sums[:-width]) / width
+        smooth = made
     return smooth

@@ -22,7 +22,7 @@ encoder zero is recognised.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -253,19 +253,25 @@ def shares_of_time(motions: Sequence[Motion]) -> np.ndarray:
 
     It is 0 throughout a recording whose speeds change along it; see `centred_time`.
     """
-    names = dict.fromkeys(m.recording for m in motions)
-    spans = {name: steady_span([(m.time, m.velocity) for m in motions if m.recording == name]) for name in names}
+
+    def span_of(name: str) -> tuple[float, float] | None:
+        return steady_span(lambda: ((m.time, m.velocity) for m in motions if m.recording == name))
+
+    spans = {name: span_of(name) for name in {m.recording for m in motions}}
     return np.concatenate([centred_time(m.states[:, 0], spans[m.recording]) for m in motions])
 
 
-def steady_span(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, float] | None:
+def steady_span(parts: Callable[[], Iterable[tuple[np.ndarray, np.ndarray]]]) -> tuple[float, float] | None:
     """Return the first and the last time of a recording; None where speeds change along it, as those of a chirp.
 
-    `parts` has the times and speeds of all its samples, two arrays of shape (k,) for each stretch.
+    `parts` gives the times and speeds of all its samples, two arrays of shape (k,) for each stretch. It is called
+    again, so that one stretch at a time is in memory.
     """
-    first, last = min(float(time.min()) for time, _ in parts), max(float(time.max()) for time, _ in parts)
+    first, last = np.inf, -np.inf
+    for time, _ in parts():
+        first, last = min(first, float(time.min())), max(last, float(time.max()))
     sums, counts = [0.0, 0.0], [0, 0]
-    for time, speeds in parts:
+    for time, speeds in parts():
         is_late = time > 0.5 * (first + last)
         for half, samples in enumerate((speeds[is_late], speeds[~is_late])):
             sums[half] += float(samples @ samples)

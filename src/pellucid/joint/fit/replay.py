@@ -229,8 +229,7 @@ def predict(
         whole.setdefault(motion.recording, []).append(motion)
     made = []
     for name, parts in whole.items():
-        columns = [m.state_columns for m in parts]
-        time, position, velocity, acceleration, effort = columns[0] if len(parts) == 1 else np.hstack(columns)
+        time, position, velocity, acceleration, effort = _joined_states(parts)
         if len(effort) == 0:
             continue
         found = [known[id(m)] if id(m) in known else predict_effort_rows(model, values, m) for m in parts]
@@ -254,6 +253,20 @@ def predict(
             )
         )
     return tuple(made)
+
+
+def _joined_states(parts: Sequence[Motion]) -> np.ndarray:
+    """Return the states of consecutive motions, (5, m), which predictions of all models share."""
+    if len(parts) == 1:
+        return parts[0].state_columns
+    kept, names = vars(parts[0]), tuple(map(id, parts))
+    if kept.get("_joined_states", (None,))[0] != names:
+        joined = np.hstack([m.state_columns for m in parts])
+        kept["_joined_states"] = names, joined
+        ends = np.cumsum([m.state_columns.shape[1] for m in parts])
+        for motion, columns in zip(parts, np.split(joined, ends[:-1], axis=1), strict=True):
+            vars(motion)["state_columns"] = columns
+    return kept["_joined_states"][1]
 
 
 def pool_errors(predictions: Sequence[Prediction], split: str) -> tuple[float, float]:
