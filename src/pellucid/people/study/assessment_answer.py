@@ -22,7 +22,15 @@ from ...study.answer import (
 from ...study.pages.quantities import MINUS_SIGN
 from ...study.pages.values import Value
 from ..certificate import FAIL, PASS
-from ..certificate_text import interval_level, interval_with_unit, lowered, margin_text, p_statement, signed_text
+from ..certificate_text import (
+    carry_over_note,
+    interval_level,
+    interval_with_unit,
+    lowered,
+    margin_text,
+    p_statement,
+    signed_text,
+)
 from ..comparison import smallest_p, smallest_told_p
 from ..equivalence import BEYOND_MARGIN
 from ..indices import leading_index
@@ -96,9 +104,11 @@ def _certificate_question(found: AssessmentResult) -> str:
     first = found.certified[0]
     by_margin: dict[str, list[str]] = {}
     for name, point in first.end_points.items():
-        margin = margin_text(point, first.certificate.end_points[name]).replace("-", MINUS_SIGN)
+        test = first.certificate.end_points[name]
+        margin = margin_text(point, test).removesuffix(carry_over_note(point, test)).replace("-", MINUS_SIGN)
         by_margin.setdefault(margin, []).append(lowered(point.index.words))
-    within = ", ".join(f"changes of {' and '.join(words)} within {margin}" for margin, words in by_margin.items())
+    changes = (f"changes of {' and '.join(words)} within {margin}" for margin, words in by_margin.items())
+    within = ", ".join(changes).replace("within none to", "up to")
     if len(first.end_points) > MAX_ASKED_END_POINTS:
         within = f"changes of all {len(first.end_points)} end points within their margins"
     return f"Do people move under {conditions} as under {_quoted(found.control)} (transparent), with {within}?"

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ....study.answer import Answer, AnswerNumber, Basis, Step
-from ....study.pages.quantities import number
+from ....study.pages.quantities import MINUS_SIGN, number
 from ....study.pages.values import Value
 from ....study.procedures.findings import MAX_BODY_ERROR_RATIO
 from ..slider_fit import SliderFit
@@ -30,36 +28,37 @@ def slider_answer(fit: SliderFit) -> Answer:
     is_held, holds = fit.evaluated_split == "heldout", ratio <= MAX_BODY_ERROR_RATIO
     trials, use = len(fit.evaluated("pooled")), evaluated_use(fit)
     body, sets, one = (error_value(fit, m) for m in ("load", "dissociated", "pooled"))
+    more = f"{abs(100.0 * (ratio - 1.0)):.1f} % {'larger' if ratio >= 1.0 else 'smaller'}"
     said = (
-        f"Over {trials} {use} trials, the current error is {body} A{_range_text(fit, 'load')} for one rigid body with "
-        f"load-dependent friction ({len(fit['load'].values)} parameters), {sets} A for separate parameters in each "
-        f"direction ({len(fit['dissociated'].values)} parameters), and {one} A for one set."
+        f"The current error of one rigid body with load-dependent friction is {more}{_range_text(fit)} than with "
+        f"separate parameters in each direction: {body} A against {sets} A, over {trials} {use} trials; one set of "
+        f"parameters has {one} A."
     )
     reason = "no trial was held out" if not is_held else ""
     if is_held and not holds:
-        reason = f"the body's error is {number(100.0 * (ratio - 1.0), digits=2)} % larger than that of two sets"
+        reason = f"the body's error is {more}, and {percent:.3g} % are allowed"
     recordings = len(fit.motions)
     return Answer(
-        "Does one body with load friction predict the current as well as a set of parameters for each direction, to "
-        f"{percent:.3g} %?",
+        "Does one rigid body predict the current as well as separate parameters for each direction, with an error at "
+        f"most {percent:.3g} % larger?",
         "cannot say" if not is_held else "yes" if holds else "no",
         said,
         reason,
-        numbers=tuple(
-            AnswerNumber(f"error of the current, {method}", value.number, "A", id=value.id)
-            for method, value in (("one body", body), ("each direction", sets), ("one set", one))
+        numbers=(
+            AnswerNumber("error of one body against each direction", 100.0 * (ratio - 1.0), "%"),
+            *(AnswerNumber(f"error of the current, {method}", value.number, "A", id=value.id)
+              for method, value in (("one body", body), ("each direction", sets), ("one set", one))),
         ),
         basis=Basis(recordings, recordings, judged=f"{trials} {use} trials"),
         next=(HOLD_OUT_STEP if not is_held else EXPORT_STEP if holds else BODY_STEP,),
     )
 
 
-def _range_text(fit: SliderFit, method: str) -> str:
-    """Return the smallest and the largest error of a trial, in brackets [A]; "" of a single trial."""
-    errors = [each.current for each in fit.evaluated(method) if np.isfinite(each.current)]
-    if len(errors) < 2:
-        return ""
-    return f" (between {number(min(errors), digits=3)} and {number(max(errors), digits=3)}, by trial)"
+def _range_text(fit: SliderFit) -> str:
+    """Return the smallest and the largest difference of both errors in a trial, in brackets; "" of a single trial."""
+    body, sets = ({e.recording: e.current for e in fit.evaluated(method)} for method in ("load", "dissociated"))
+    more = [100.0 * (body[name] / sets[name] - 1.0) for name in body if name in sets]
+    return f" ({min(more):+.1f} to {max(more):+.1f} % by trial)".replace("-", MINUS_SIGN) if len(more) > 1 else ""
 
 
 def error_value(fit: SliderFit, method: str) -> Value:
