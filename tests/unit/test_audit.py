@@ -15,7 +15,7 @@ from pellucid.emg.study.emg_files import audit_emg
 from pellucid.files.log import VERDICT_WORDS
 from pellucid.files.quantity import joint_words, quantity_of
 from pellucid.start.try_log import try_log
-from pellucid.study.procedures.audit_page import audited_channels, write_audit_page
+from pellucid.study.procedures.audit_page import audited_channels, first_channels, write_audit_page
 
 RATE = 500.0
 COUNT = 6000
@@ -137,6 +137,29 @@ def test_a_log_of_motion_alone_is_not_followed_by_a_study(tmp_path):
     assert "Record an effort" in answer.following[0]
 
 
+def test_sound_channels_are_counted_and_constant_ones_are_named(tmp_path):
+    """The answer was "No alarm in 29 channels", and a tile "usable, with care: 9"."""
+    columns = clean_log()
+    faults = {f"fault_{i}": np.zeros(COUNT) for i in range(3)}
+    found = pl.audit(written(tmp_path, columns | faults))
+    said = "6 of 9 channels of 1 file are sound; 3 constant (fault_0, fault_1, fault_2)."
+    assert (found.answer.verdict, found.answer.said) == ("yes", said)
+    text = write_audit_page(found, tmp_path / "page").read_text(encoding="utf-8")
+    assert said in text
+    assert "3 constant" in text.partition("with a note")[2][:200]
+
+
+def test_the_figure_of_a_sound_log_draws_what_a_study_is_made_of(tmp_path):
+    """A counter and two temperatures were drawn."""
+    columns = clean_log()
+    rng = np.random.default_rng(1)
+    idle = {"seq": np.arange(COUNT), "temp_0": 30.0 + rng.standard_normal(COUNT), "fault": np.zeros(COUNT)}
+    other = {"angle_motor [rad]": 9.0 * columns["angle [rad]"] + 1e-3 * rng.standard_normal(COUNT)}
+    found = pl.audit(written(tmp_path, idle | other | columns))
+    shown = [axis.get_title(loc="left") or axis.texts[0].get_text() for axis in first_channels(found).figure.axes]
+    assert shown == ["angle_motor [rad]", "velocity [rad/s]", "torque_meas [N*m]"]
+
+
 def test_personal_fields_are_named_and_not_repeated(tmp_path):
     path = written(tmp_path, clean_log(), head="Patient Name,Jane Q. Doe\n")
     found = pl.audit(path)
@@ -151,7 +174,7 @@ def test_the_command_says_it_and_ends_with_status_0_because_no_is_an_answer(tmp_
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, ["audit", str(path)])
     assert done.exit_code == 0, done.output
-    assert "No alarm in 6 channels of 1 file." in done.output
+    assert "6 of 6 channels of 1 file are sound." in done.output
     assert (tmp_path / "audit-page" / "index.html").is_file()
     columns["torque_meas [N*m]"] *= 0.0
     path = written(tmp_path, columns)

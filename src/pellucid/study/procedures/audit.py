@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..._domains import offered
-from ..._errors import PellucidError, RecordingError
+from ..._errors import PellucidError, RecordingError, listed_names
 from ..._given import visible_text
 from ..._printed_command import printed_command
 from ...files.defects import echoed, garbage, held
 from ...files.log import (
     ALARM_LEVEL,
     LEVELS,
+    NOTE_LEVEL,
     REPAIRED_LEVEL,
     SOUND_LEVEL,
     VERDICT_WORDS,
@@ -40,6 +41,9 @@ AFTER_REPAIR = "after automatic repair"
 
 MAX_LISTED_FILES = 3
 """A sentence lists at most this many files by name."""
+
+MAX_LISTED_CHANNELS = 12
+"""The first sentence names at most this many channels of each verdict."""
 
 CORRECTIONS = {
     VERDICT_WORDS["no_time"]: "Give the rate of files without a column of time by `--rate HZ`",
@@ -164,6 +168,15 @@ class Audit:
         return tuple(verdict for verdict in self.verdicts if verdict.level == ALARM_LEVEL)
 
     @property
+    def noted(self) -> dict[str, list[str]]:
+        """Names of the channels that may be used and are not merely sound, by their verdict."""
+        found: dict[str, list[str]] = {}
+        for each in self.verdicts:
+            if each.level == NOTE_LEVEL:
+                found.setdefault(each.verdict, []).append(each.channel)
+        return found
+
+    @property
     def unread(self) -> tuple[AuditedFile, ...]:
         """Files that could not be read."""
         return tuple(file for file in self.files if file.unread)
@@ -175,10 +188,14 @@ class Audit:
 
     @property
     def headline(self) -> str:
-        """First sentence: how many channels are unsound, and which."""
+        """First sentence: how many channels are sound, and which are not."""
         count = len(self.verdicts)
         files = "1 file" if len(self.files) == 1 else f"{len(self.files)} files"
-        text = f"No alarm in {count} channels of {files}."
+        sound = sum(v.level == SOUND_LEVEL for v in self.verdicts)
+        text = f"{sound} of {count} channels of {files} {'is' if sound == 1 else 'are'} sound"
+        text += "".join(f"; {len(names)} {word} ({listed_names(names, MAX_LISTED_CHANNELS)})"
+                        for word, names in self.noted.items())  # fmt: skip
+        text += "."
         if self.alarms:
             are = "channel is" if count == 1 else "channels is" if len(self.alarms) == 1 else "channels are"
             names = ", ".join(f"{v.channel} ({v.verdict})" for v in self.alarms)

@@ -22,6 +22,7 @@ from ...files.log import (
     LogChannel,
     LogFinding,
 )
+from ...files.quantity import EFFORT_QUANTITIES
 from ..drawing.drawing import Drawing, Head, draw, heads, line, tidy
 from ..drawing.style import FIGURE_WIDTH, colour
 from ..pages.forest import Row, Table
@@ -34,6 +35,9 @@ PANEL_HEIGHT = 1.35
 
 MAX_PANELS = 12
 """The figure of all unsound channels shows at most this many."""
+
+DRAWN_FIRST = ("position", "velocity", *EFFORT_QUANTITIES, "emg")
+"""Quantities that a study is made of; the figure on the first screen shows their sound channels first."""
 
 FIRST_PANELS = 3
 """The figure on the first screen shows at most this many channels."""
@@ -58,7 +62,7 @@ def _severity(verdict: ChannelVerdict, finding: LogFinding) -> tuple[bool, float
 
 
 def first_channels(audit: Audit) -> Drawing:
-    """Draw the worst unsound channels, or the first ones of the first file that could be read if all are sound."""
+    """Draw the worst unsound channels, or, if none is, the measured ones of the first file that could be read."""
     unsound = audited_channels(audit)
     if unsound:
         return _channels(unsound[:FIRST_PANELS], "first_channels", "wrong")
@@ -73,7 +77,22 @@ def first_channels(audit: Audit) -> Drawing:
     # Settings of one row, and the clock, show nothing of the log.
     longest = max((len(channel.samples) for *_, channel in sound), default=0)
     shown = [each for each in sound if len(each[3].samples) == longest and each[3].name != each[2].time]
+    shown.sort(key=lambda each: (each[0].level == NOTE_LEVEL, _use(each[3])))
+    # One channel of each quantity comes before the next ones.
+    seen: Counter[str] = Counter()
+    turns = []
+    for each in shown:
+        turns.append(seen[each[3].quantity.kind])
+        seen[each[3].quantity.kind] += 1
+    shown = [each for _, each in sorted(zip(turns, shown, strict=True), key=lambda pair: pair[0])]
     return _channels((shown or sound)[:FIRST_PANELS], "first_channels", "good")
+
+
+def _use(channel: LogChannel) -> tuple[int, bool]:
+    """Return a key that sorts channels: what a study is made of first, a measurement before a command."""
+    kind = channel.quantity.kind
+    place = DRAWN_FIRST.index(kind) if kind in DRAWN_FIRST else len(DRAWN_FIRST) + (not channel.is_measurement)
+    return place, not channel.quantity.can_be_measured
 
 
 def _channels(drawn: list[tuple[ChannelVerdict, str, Log, LogChannel]], name_of_figure: str, role: str) -> Drawing:
@@ -117,10 +136,11 @@ def write_audit_page(found: Audit, folder: Path) -> Path:
 
 def _tiles(found: Audit) -> tuple[Tile, ...]:
     counts = Counter(v.level for v in found.verdicts)
+    noted = ", ".join(f"{len(names)} {word}" for word, names in found.noted.items())
     return (
         Tile("unsound", f"{len(found.alarms)}", "", f"of {len(found.verdicts)} channels"),
         Tile("repaired", f"{counts[REPAIRED_LEVEL]}", "", "when the log is read"),
-        Tile("with a note", f"{counts[NOTE_LEVEL]}", "", "usable, with care"),
+        Tile("with a note", f"{counts[NOTE_LEVEL]}", "", noted),
         Tile("sound", f"{counts[SOUND_LEVEL]}", "", "nothing was found"),
         Tile("files", f"{len(found.files)}", "", f"{len(found.unread)} not read"),
     )

@@ -79,7 +79,8 @@ def _counted(study: Study, found: Result, basis: Basis | None, left_out: Collect
         return replace(counted, held_out=held)
     refused = basis.recorded - basis.used
     held_out = held if basis.held_out else 0
-    return replace(counted, used=counted.used - refused, judged=basis.judged, held_out=held_out)
+    used_count = counted.used - refused
+    return replace(counted, used=used_count, judged=basis.judged, held_out=held_out, computed=basis.computed)
 
 
 def count_recordings(study: Study, used: Collection[str]) -> Basis:
