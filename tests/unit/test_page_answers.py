@@ -32,6 +32,7 @@ from pellucid.study.pages.page import MAX_LEAD_CHARACTERS, Page, Section, withou
 from pellucid.study.pages.quantities import percent, typeset_sentence, value_and_half_interval
 from pellucid.study.pages.values import Value, marked_up, plain_text
 from pellucid.study.procedures.run import _one_page
+from pellucid.study.recorded_motions import computed_effort
 from pellucid.study.procedures.study_page import study_page
 
 VALUE = re.compile(r'<data value="([^"]+)" data-id="([^"]+)">([^<]+)</data>')
@@ -197,18 +198,18 @@ def test_a_joint_without_a_held_out_recording_is_judged_on_stretches_left_out_in
     assert replace(fit, crossed_error=(27.5, 0.97)).answer.verdict == "no"
 
 
-def test_a_joint_says_how_many_recordings_are_beyond_the_bound():
+def test_a_joint_names_the_recordings_beyond_the_bound():
     held = [SimpleNamespace(split="heldout", recording=f"r{i}", error=error) for i, error in enumerate((8.0, 29.3))]
     fit = SimpleNamespace(
         headlined=SimpleNamespace(predictions=held, heldout_effort_error=11.4, heldout_r2=0.98), best="load",
         effort_unit="N*m", verdicts=(), study="s", joint="servo", held_out=(), checksums={"r0": "", "r1": ""},
+        families={"load": None}, computed="",
     )  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "by_recording", lambda held: [[each] for each in held])
         patch.setattr(module, "pooled_error", lambda group: group[0].error)
         said = module.joint_answer(fit).sentence
-    rule = "yes needs at most 20 % over all of them"
-    assert said.endswith(f"an error of 11.4 % (8.00 to 29.3 % by recording; 1 of 2 within 20 %, {rule}).")
+    assert said.endswith("an error of 11.4 % over all of them (8.00 to 29.3 % by recording; above 20 %: r1).")
 
 
 WIDE = Verdict(
@@ -242,7 +243,32 @@ def test_what_a_controller_lacks_is_recorded_before_it_is_exported():
 def test_a_recording_beyond_the_bound_is_named_before_a_controller():
     answer = predicting((5.0, 30.0, 5.0)).answer
     assert answer.verdict == "yes"
-    assert answer.next[0].text.startswith("Find what differs in recording 'trial_2', whose error is 30.0 %")
+    assert answer.next[0].text.startswith("Find what differs in trial_2 (30.0 %): a payload")
+    assert "(5.00 to 30.0 % by recording; above 20 %: trial_2)" in answer.sentence
+    assert "(5.00 to 15.0 % by recording, worst trial_2)" in predicting((5.0, 15.0)).answer.sentence
+    assert "(5.00 to 6.00 % by recording)" in predicting((5.0, 6.0)).answer.sentence
+
+
+def test_the_error_of_a_single_held_out_recording_has_an_interval_and_asks_for_another_recording():
+    """Yes stood for a number whose interval no page had, and the only step was the controller."""
+    fit = predicting((5.0,))
+    family, rng = fit.families[fit.best], np.random.default_rng(2)
+    noisy = [replace(p, predicted=p.effort + 0.1 * rng.standard_normal(len(p.effort))) for p in family.predictions]
+    answer = replace(fit, families={fit.best: replace(family, predictions=tuple(noisy))}).answer
+    (low, high), value = answer.numbers[0].interval, answer.numbers[0].value
+    assert low < value < high
+    assert f"error of {percent(value)} % (95 % CI {percent(low)} to {percent(high)} %, R² " in answer.sentence
+    first, second = answer.next
+    assert first.text == "Record a second recording to hold out: the verdict rests on a single one"
+    assert second.name == "export"
+
+
+def test_an_effort_that_is_computed_is_not_said_to_be_measured():
+    """A drive's voltage was recorded, and its torque was "measured"."""
+    assert computed_effort(["torque"], "N*m") == computed_effort(["current"], "A") == ""
+    source = computed_effort(["voltage"], "N*m")
+    basis = replace(predicting(computed=source).answer.basis, is_simulated=False)
+    assert "measured (torque computed from the drive's voltage)" in basis.sentence
 
 
 def test_an_error_near_the_bound_says_so_and_asks_for_another_recording():

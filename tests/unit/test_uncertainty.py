@@ -9,6 +9,7 @@ from pellucid.numerics.uncertainty import (
     block_length,
     correlation_time,
     long_run_covariance,
+    relative_error_factor,
     sandwich_covariance,
     student_to_normal_ratio,
     whiteness,
@@ -24,6 +25,20 @@ def regressor(rng):
 
 def coloured(rng, rho):
     return lfilter([np.sqrt(1 - rho**2)], [1.0, -rho], rng.standard_normal(N + 500))[500:]
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.9])
+def test_the_interval_of_a_relative_error_covers_the_true_one(rho):
+    rng, inside = np.random.default_rng(5), 0
+    measured = regressor(rng)[:, 0]
+    true = 0.1 * np.sqrt(N) / np.linalg.norm(measured)
+    for _ in range(300):
+        residual = 0.1 * coloured(rng, rho)
+        error = np.linalg.norm(residual) / np.linalg.norm(measured)
+        factor = relative_error_factor(measured, residual, [N // 2, N // 2])
+        inside += error / factor <= true <= error * factor
+    assert inside / 300 >= 0.93
+    assert np.isnan(relative_error_factor(measured, 0.0 * residual, [N]))
 
 
 def test_white_residuals_give_the_textbook_covariance():

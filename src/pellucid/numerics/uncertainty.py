@@ -161,6 +161,21 @@ def long_run_covariance(
     return total * (m / rows) * few**2 / ((1.0 - r) ** 2 * (1.0 - block / m))
 
 
+def relative_error_factor(measured: np.ndarray, residual: np.ndarray, lengths: Sequence[int]) -> float:
+    r"""Return the factor between a relative error and the ends of its 95 % confidence interval; NaN without an error.
+
+    The error is ||residual|| / ||measured||. The error :math:`e` solves :math:`\sum_t (r_t^2 - e^2 y_t^2) = 0`. The long-run variance of this sum gives the
+    standard error of :math:`\log e`. `measured` and `residual`, (m,), are stretches of the given `lengths`.
+    """
+    size = float(np.sum(measured**2))
+    square = float(np.sum(residual**2)) / size if size > 0.0 else 0.0
+    if not square > 0.0:
+        return float("nan")
+    scores = residual**2 - square * measured**2
+    spread = float(np.sqrt(long_run_covariance(scores[:, None], scores, lengths)[0, 0])) / size
+    return float(np.exp(0.5 * NORMAL_QUANTILE_975 * spread / square))
+
+
 def degrees_of_freedom(block: int, rows: int) -> float:
     """Return the degrees of freedom of a variance from overlapping blocks of length `block` in `rows` rows [1]_."""
     return 1.5 * rows / max(block, 1)

@@ -130,6 +130,8 @@ class Basis:
         What reading excludes of the rows, in words.
     people : int
         Number of people whom the recordings in use are of; 0 where they name none.
+    computed : str
+        What was computed from recorded signals, such as ``"torque computed from the drive's voltage"``; "" for nothing.
     """
 
     used: int
@@ -145,6 +147,7 @@ class Basis:
     rows: int = 0
     excluded: tuple[str, ...] = ()
     people: int = 0
+    computed: str = ""
 
     @property
     def sentence(self) -> str:
@@ -156,6 +159,7 @@ class Basis:
         origins = {True: "simulated", False: "measured", None: unstated}
         origin = DIGITISED if self.is_digitised else origins[self.is_simulated]
         rows = f"{self.rows:,} {_plural('row', self.rows)}" if self.rows else ""
+        origin += f" ({self.computed})" if origin and self.computed else ""
         words = [text, rows, *self.excluded, origin, f"of {WORN_TOGETHER}" if self.is_worn else ""]
         whole, noun = (self.parts, "part") if self.parts else (self.used, self.counted)
         judged = f"held-out data: {self.held_out} of {whole} {_plural(noun, whole)}" if self.held_out else self.judged

@@ -52,6 +52,14 @@ def drive_model(rig: JointTable | SeveralJoints) -> DriveModel:
     return DriveModel(constant, 0.0, si)
 
 
+def computed_effort(kinds: Iterable[str], effort_unit: str) -> str:
+    """Return what an effort is computed from, in words, by the `kinds` of its drives; "" where it is recorded as such.
+    """
+    effort = {"N*m": "torque", "N": "force"}.get(effort_unit, "")
+    sources = [kind for kind in dict.fromkeys(kinds) if kind != "torque"]
+    return f"{effort} computed from the drive's {' or '.join(sources)}" if effort and sources else ""
+
+
 def command_of(recording: Recording, rig: JointTable | SeveralJoints) -> np.ndarray:
     """The drive's command as recorded: torque, current, or voltage (duty times supply where only duty is recorded).
     Gives (n,) [N*m], [N], [A], [V]."""

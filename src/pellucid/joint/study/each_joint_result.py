@@ -90,6 +90,12 @@ def heldout_text(answer: Answer) -> str:
     return f"{shown} %" if shown else ""
 
 
+def interval_text(answer: Answer) -> str:
+    """Return the confidence interval of the error in the answer of a joint in words; "" if it is not known."""
+    interval = next((number.interval for number in answer.numbers if number.unit == "%"), None)
+    return f" (95 % CI {percent(interval[0])} to {percent(interval[1])} %)" if interval else ""
+
+
 def headline_parameters(found: Result) -> dict[str, Parameter]:
     """Return the parameters that a joint's result tells first."""
     if isinstance(found, JointResult):
@@ -153,11 +159,11 @@ def each_joint_answer(found: EachJointResult) -> Answer:
     """Return whether each joint's own model predicts its effort where it was not fitted."""
     answers = {joint: result.make_answer() for joint, result in found.joints.items()}
     parts = [
-        AnswerPart(joint, each.verdict, each.reason or heldout_text(each) or each.sentence)
+        AnswerPart(joint, each.verdict, each.reason or heldout_text(each) + interval_text(each) or each.sentence)
         for joint, each in answers.items()
     ]
     parts += [AnswerPart(joint, "cannot say", f"excluded: {why}") for joint, why in found.left_out.items()]
-    good = [f"{part.name} {part.reason}" for part in parts if part.verdict == "yes"]
+    good = [f"{joint} {heldout_text(each)}".strip() for joint, each in answers.items() if each.verdict == "yes"]
     count = len(parts) + len(found.resting)
     said = f"{len(good)} of {count} separately identified joints have a prediction error of at most "
     said += f"{MAX_GOOD_ERROR:g} % on data not used in the fit{': ' * bool(good)}{', '.join(good)}"
@@ -180,6 +186,7 @@ def each_joint_answer(found: EachJointResult) -> Answer:
             recordings,
             judged=" and ".join(filter(None, judged)),
             held_out=max((basis.held_out for basis in bases), default=0),
+            computed=", ".join(dict.fromkeys(basis.computed for basis in bases if basis.computed)),
         ),
         improve=(*_improving(answers), ROBOT_STEP),
         next=(*_recording_steps(answers), ROBOT_STEP),

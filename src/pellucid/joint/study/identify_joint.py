@@ -20,7 +20,14 @@ from ...study.procedures.dead_effort import require_live_effort
 from ...study.procedures.findings import collect_findings
 from ...study.procedures.procedure import CostedSteps, Progress, quiet
 from ...study.quality import require_sound
-from ...study.recorded_motions import carries_unknown_payload, drive_model, filtering_of, motions_of, take_excerpt
+from ...study.recorded_motions import (
+    carries_unknown_payload,
+    computed_effort,
+    drive_model,
+    filtering_of,
+    motions_of,
+    take_excerpt,
+)
 from ...study.study import Study
 from ...study.study_file import JointTable, Processing, SeveralJoints
 from ..fit.causes import find_parallel_spring
@@ -210,6 +217,7 @@ def identify_joint(
         joint=study.rig.joint,
         motion=study.rig.motion,
         effort_unit=drive.effort_unit,
+        computed=computed_effort([study.rig.drive.kind], drive.effort_unit),
         lifts=study.rig.lifts,
         families=fits,
         choice=choice,

@@ -7,7 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
+from ..._errors import listed_names
 from ...models.estimates import Verdict
+from ...numerics.uncertainty import relative_error_factor
 from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Basis, Step
 from ...study.pages.quantities import EFFORT_NAMES, number, percent
 from ...study.pages.values import Value
@@ -41,6 +43,10 @@ class JudgedJoint(Protocol):
     @property
     def effort_unit(self) -> str:
         """Unit of the effort."""
+
+    @property
+    def computed(self) -> str:
+        """What the effort is computed from, in words; "" where it was recorded as such."""
 
     @property
     def families(self) -> Mapping[str, FamilyFit]:
@@ -85,11 +91,14 @@ UNIDENTIFIED_FINDINGS = ("wide_interval", "weak_parameter")
 JUST_WITHIN_SHARE = 0.1
 """An error is just within its bound if less than this share of the bound is left. Chosen by judgement."""
 
-SECOND_RECORDING_STEP = Step(
-    f"Record a second recording to hold out: the verdict rests on a single one, whose error is just within "
-    f"{MAX_GOOD_ERROR:g} %"
-)
-"""Next step where a single held-out recording decides by a small margin."""
+SECOND_RECORDING_TEXT = "Record a second recording to hold out: the verdict rests on a single one"
+"""Text of the next step where a single held-out recording decides."""
+
+MAX_NAMED_RECORDINGS = 4
+"""Largest number of recordings that a sentence names."""
+
+MIN_RANGE_RATIO = 2.0
+"""Recordings differ much if the largest error is at least this many times the smallest. Chosen by judgement."""
 
 PAYLOAD_TEXT = (
     "State the drive's constant, or record with a known payload too: until then, all parameters are per {unit}, and "
@@ -120,8 +129,10 @@ def joint_answer(fit: JudgedJoint) -> Answer:
         reason = "no recording was held out"
         return Answer(question, "cannot say", said, reason, basis=_basis(fit, judged), next=(HOLD_OUT_STEP,))
     said = f"{model} predicts the {effort} of {judged} with an error of {error} %"
-    ranged = error_range_text(fit) if held else ""
-    known_r2 = f" (R² {number(r2, digits=3)})" if np.isfinite(r2) and not ranged else ""
+    ranged, interval = error_range_text(fit) if held else "", error_interval(fit)
+    sure = f"95 % CI {percent(interval[0])} to {percent(interval[1])} %" if interval and not ranged else ""
+    sure = ", ".join(filter(None, (sure, f"R² {number(r2, digits=3)}" if np.isfinite(r2) else "")))
+    known_r2 = f" ({sure})" if sure and not ranged else ""
     verdict, reason = _verdict(error.number, r2, judged)
     near = _margin_text(fit, error.number) if verdict == "yes" else ""
     said += f"{ranged}{known_r2}{near}{_constant_text(fit, effort)}."
@@ -129,7 +140,7 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     if verdict == "yes" and no_machine:
         verdict, reason = "cannot say", no_machine[:1].lower() + no_machine[1:].rstrip(".")
         said = f"The results do not describe the machine alone: {reason}. {said}"
-    numbers = [AnswerNumber(f"error of the {effort} on {judged}", error.number, "%", id=error.id)]
+    numbers = [AnswerNumber(f"error of the {effort} on {judged}", error.number, "%", interval, error.id)]
     if np.isfinite(r2):
         numbers.append(AnswerNumber(f"R2 on {judged}", r2, "1"))
     if verdict == "yes":
@@ -156,13 +167,14 @@ def _recording_steps(fit: JudgedJoint, *, is_close: bool) -> tuple[Step, ...]:
     """Return what to record before a model that predicts is used."""
     groups = _held_out_recordings(fit)
     steps = [*steps_before_use(fit.verdicts, UNIDENTIFIED_FINDINGS)]
-    errors = {group[0].recording: pooled_error(group) for group in groups} if len(groups) > 1 else {}
-    worst = max(errors, key=errors.__getitem__, default="")
-    if worst and errors[worst] > MAX_GOOD_ERROR:
-        text = f"Find what differs in recording '{worst}', whose error is {percent(errors[worst])} %"
+    errors = _recording_errors(fit) if len(groups) > 1 else {}
+    beyond = [f"{name} ({percent(error)} %)" for name, error in errors.items() if error > MAX_GOOD_ERROR]
+    if beyond:
+        text = f"Find what differs in {listed_names(beyond, MAX_NAMED_RECORDINGS)}"
         steps.append(Step(f"{text}: a payload, another setting, the temperature"))
-    if is_close and len(groups) == 1:
-        steps.insert(0, SECOND_RECORDING_STEP)
+    if len(groups) == 1:
+        close = f", whose error is just within {MAX_GOOD_ERROR:g} %" if is_close else ""
+        steps.insert(0, Step(f"{SECOND_RECORDING_TEXT}{close}"))
     if any(v.finding == "drive_constant" and v.kind == "note" and v.do for v in fit.verdicts):
         steps.append(Step(PAYLOAD_TEXT.format(unit="ampere" if fit.effort_unit == "A" else "volt")))
     return tuple(steps[:MAX_IMPROVING_STEPS])
@@ -180,7 +192,8 @@ def _verdict(error: float, r2: float, judged: str) -> tuple[AnswerVerdict, str]:
 def _basis(fit: JudgedJoint, judged: str) -> Basis:
     """Return what the numbers are based on."""
     count = len(fit.checksums)
-    return Basis(count, count, judged=judged, held_out=len(_held_out_recordings(fit)))
+    held_out = len(_held_out_recordings(fit))
+    return Basis(count, count, judged=judged, held_out=held_out, computed=fit.computed)
 
 
 def _held_out_recordings(fit: JudgedJoint) -> list[list[Prediction]]:
@@ -206,6 +219,25 @@ def headline_error(fit: JudgedJoint) -> Value:
     else:
         error, name = float(best.fitted_effort_error), f"{head}.effort_error"
     return Value(name, error, percent(error))
+
+
+def error_interval(fit: JudgedJoint) -> tuple[float, float] | None:
+    """Return the 95 % confidence interval of the reported error [%]; None if it is not known.
+
+    Between several held-out recordings errors differ more than within them: their range is reported in its place.
+    """
+    family, held = fit.families[fit.best], _held_out_recordings(fit)
+    if len(held) > 1:
+        return None
+    parts = held[0] if held else [p for p in fit.headlined.predictions if p.split == "fitted"]
+    residuals = [p.residual for p in parts] if held else family.crossed
+    lengths = [len(p.effort) for p in parts]
+    if lengths != [len(r) for r in residuals] or not sum(lengths):
+        return None
+    effort, residual = np.concatenate([p.effort for p in parts]), np.concatenate(residuals)
+    error, factor = headline_error(fit).number, relative_error_factor(effort, residual, lengths)
+    low, high = error / factor, error * factor
+    return (low, high) if np.isfinite(high) and percent(low) != percent(high) else None
 
 
 def unfitted_r2(fit: JudgedJoint) -> float:
@@ -235,16 +267,23 @@ def _constant_text(fit: JudgedJoint, effort: str) -> str:
 def error_range_text(fit: JudgedJoint) -> str:
     """Return in brackets the smallest and the largest held-out error of a recording; "" of a single one.
 
-    Where some recordings lie beyond the bound of a good prediction, the others are counted.
+    The recordings beyond the bound of a good prediction are named, or the worst one where recordings differ much.
     """
-    single = [percent(pooled_error(group)) for group in _held_out_recordings(fit)]
-    if len(single) < 2 or not all(map(_is_number, single)):
+    errors = {group[0].recording: pooled_error(group) for group in _held_out_recordings(fit)}
+    if len(errors) < 2 or not all(_is_number(percent(error)) for error in errors.values()):
         return ""
-    spread = sorted(single, key=float)
-    within = sum(float(each) <= MAX_GOOD_ERROR for each in spread)
-    rule = f"yes needs at most {MAX_GOOD_ERROR:g} % over all of them"
-    beyond = f"; {within} of {len(spread)} within {MAX_GOOD_ERROR:g} %, {rule}" if within < len(spread) else ""
-    return f" ({spread[0]} to {spread[-1]} % by recording{beyond})"
+    *_, least = worst_first = sorted(errors, key=errors.__getitem__, reverse=True)
+    beyond = [name for name in worst_first if errors[name] > MAX_GOOD_ERROR]
+    worst = f"; above {MAX_GOOD_ERROR:g} %: {listed_names(beyond, MAX_NAMED_RECORDINGS)}" if beyond else ""
+    if not beyond and errors[worst_first[0]] >= MIN_RANGE_RATIO * errors[least]:
+        worst = f", worst {worst_first[0]}"
+    return f" over all of them ({percent(errors[least])} to {percent(errors[worst_first[0]])} % by recording{worst})"
+
+
+def _recording_errors(fit: JudgedJoint) -> dict[str, float]:
+    """Return the errors of all recordings, fitted and held out [%], the largest first."""
+    errors = {group[0].recording: pooled_error(group) for group in by_recording(fit.headlined.predictions)}
+    return dict(sorted(errors.items(), key=lambda each: -each[1]))
 
 
 def by_recording(parts: Sequence[Prediction] | Sequence[Simulation]) -> list[list]:

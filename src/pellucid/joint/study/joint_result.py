@@ -61,6 +61,7 @@ class JointResult(Result):
     families: Mapping[str, FamilyFit]  # fits of the families, in the requested order
     choice: HeadlineChoice  # the model behind the headline, and why
     joint: str = "joint"  # name of the joint
+    computed: str = ""  # what the effort is computed from, in words; "" where it was recorded as such
     # Effort error [%] and R² on stretches of the fitted recordings, each left out in turn; NaN if unknown
     crossed_error: tuple[float, float] = (float("nan"), float("nan"))
     filter_note: str  # processing in one line
