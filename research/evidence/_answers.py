@@ -139,8 +139,8 @@ def contradictions(result: Result) -> Iterator[str]:
                 if told not in text:
                     yield f"the {where} does not say {told}"
             for each in answer.assumed[:MAX_NAMED_ASSUMPTIONS]:
-                if each.subject not in text:
-                    yield f"the {where} does not say that {each.subject} is assumed"
+                if each.words not in text:
+                    yield f"the {where} does not say that {each.words} is assumed"
         yield from _answer_alone(answer)
         yield from _against_rows(part, answer)
         yield from _against_findings(part, answer)

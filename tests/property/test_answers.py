@@ -18,7 +18,17 @@ from research.evidence._answers import (
     write_joint,
 )
 
-from pellucid.study.answer import Answer, Assumption, Basis, Step, spoilt, unanswered_message, with_assumed
+from pellucid.start.proposal import QUESTION_ORDER
+from pellucid.study.answer import (
+    QUESTION_WORDS,
+    Answer,
+    Assumption,
+    Basis,
+    Step,
+    spoilt,
+    unanswered_message,
+    with_assumed,
+)
 from pellucid.study.datasets.init import init
 from pellucid.study.datasets.registry import names
 from pellucid.study.procedures.registry import open_study
@@ -84,11 +94,11 @@ def test_a_default_that_scales_every_number_leaves_only_relative_numbers_to_say_
     open_question = Assumption("position_unit", "rad", "In which unit?", is_scale=True)
     answer = with_assumed(PLAIN, (open_question, Assumption("worn", "no")))
     assert (answer.verdict, answer.is_answered) == ("cannot say", False)
-    assert answer.sentence.startswith("No file states the scale of these figures; assumed: position_unit = rad.")
-    assert answer.based_on == ("Assumed, because no file states it: position_unit = rad, worn = no.",)
+    assert answer.sentence.startswith("No file states the scale of these figures; assumed: unit of the position = rad.")
+    assert answer.based_on == ("Assumed, because no file states it: unit of the position = rad, robot worn = no.",)
     relative = with_assumed(replace(PLAIN, is_relative=True), (open_question,))
     assert (relative.badge, relative.is_answered) == ("Yes (scale not confirmed)", True)
-    assert relative.sentence.endswith("; no file states the scale of the parameters; assumed: position_unit = rad")
+    assert relative.sentence.endswith("; no file states the scale of the parameters; assumed: unit of the position = rad")
     kept = with_assumed(PLAIN, (Assumption("worn", "no"),))
     assert kept.verdict == "yes"
     assert "worn = no" in kept.based_on[0]
@@ -104,7 +114,7 @@ def test_a_study_repeats_the_defaults_that_nobody_confirmed(tmp_path):
     path.write_text(text.replace("[rig]", f"{table}[rig]", 1), encoding="utf-8")
     found = run(open_study(folder), "identify", **FAST)
     assert found.answer.badge == "Yes (scale not confirmed)"
-    assert "position_unit = rad" in str(found)
+    assert "unit of the position = rad" in str(found)
     assert found.answer.next[0].name == "check"
     assert found.rows == plain.rows
 
@@ -157,3 +167,8 @@ def test_the_command_says_in_one_line_why_it_cannot_say(tmp_path):
     assert re.fullmatch(r"pellucid: cannot say: the fit failed: .*\.", done.stderr.splitlines()[-1])
     assert (folder / "results.json").is_file()
     assert "Next: pellucid check" in done.stdout
+
+
+def test_every_question_has_plain_words():
+    """An answer said "assumed: gear_turns = 1"."""
+    assert set(QUESTION_WORDS) == set(QUESTION_ORDER)

@@ -45,7 +45,7 @@ def test_a_gear_that_nobody_stated_is_no_plain_yes(tmp_path):
     path = geared_log(tmp_path / "log.csv", "Time [s]", "Joint Angle [deg]", "", "Motor Torque [Nm]")
     answer = try_log([path], out=tmp_path / "page").answer
     assert answer.badge == "Yes (scale not confirmed)"
-    assert "assumed: gear_turns" in answer.sentence
+    assert "assumed: motor turns per turn of the joint = " in answer.sentence
     tried = try_log([path], out=tmp_path / "sure", answers={"gear_turns": "80"})
     assert tried.answer.badge == "Yes"
     found = parameters_of(tried)

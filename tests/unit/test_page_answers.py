@@ -32,8 +32,8 @@ from pellucid.study.pages.page import MAX_LEAD_CHARACTERS, Page, Section, withou
 from pellucid.study.pages.quantities import percent, typeset_sentence, value_and_half_interval
 from pellucid.study.pages.values import Value, marked_up, plain_text
 from pellucid.study.procedures.run import _one_page
-from pellucid.study.recorded_motions import computed_effort
 from pellucid.study.procedures.study_page import study_page
+from pellucid.study.recorded_motions import computed_effort
 
 VALUE = re.compile(r'<data value="([^"]+)" data-id="([^"]+)">([^<]+)</data>')
 

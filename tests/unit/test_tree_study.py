@@ -16,6 +16,7 @@ from pellucid.models.estimates import Parameter, Verdict
 from pellucid.models.tree_card import read_tree_card
 from pellucid.study.cause_words import cause_sentence
 from pellucid.study.procedures.compare import compare
+from pellucid.study.procedures.findings import SECOND_RECORDING_TEXT
 
 
 @pytest.fixture(scope="module")
@@ -146,9 +147,15 @@ def test_each_joint_has_an_answer_in_every_output(study, found):
     assert table.rows[0][:2] == ("shoulder", "yes")
     assert "effort error" in table.rows[0][2]
     weak = Verdict("warning", "3 are not identifiable.", "Record faster motion.", finding="weak_numbers")
-    record, export = replace(found, verdicts=(weak,)).make_answer().next
+    record, confirm, *_, export = replace(found, verdicts=(weak,)).make_answer().next
     assert record.text == "Before a controller is used, record faster motion (3 are not identifiable)"
+    assert confirm.text == SECOND_RECORDING_TEXT
     assert export.name == "export"
+    # Export was the only step, although no recording was held out and a cause was known.
+    crossed = replace(found, errors=tuple(e for e in found.errors if e.judged != "heldout")).make_answer()
+    assert crossed.verdict == "yes"
+    assert crossed.next[0].text.startswith("Record a second motion and hold it out")
+    assert crossed.next[-1].name == "export"
     resting = replace(found, traces=tuple(replace(t, moving=t.moving * [1, 0]) for t in found.traces))
     assert resting.joint_answers[1].verdict == "cannot say"
     assert "in only " in resting.joint_answers[1].reason

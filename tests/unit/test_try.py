@@ -22,6 +22,7 @@ from pellucid.cli import app
 from pellucid.start.assumptions import assumptions_of
 from pellucid.start.given_files import read_given
 from pellucid.start.propose_study import propose_study
+from pellucid.study.answer import QUESTION_WORDS
 from pellucid.study.pages.quantities import typeset_sentence
 from pellucid.study.procedures.result import HeldOutEffort
 
@@ -96,6 +97,10 @@ def test_a_log_gives_what_init_check_and_identify_give(tried, make):
         if found := re.fullmatch(rf"{name}\.(?:(\w+)\.)?headline\.heldout\.effort_error", row["id"]):
             assert f"{row['value']:.3g}"[:4] in page, found
     assert not (folder / "out" / name / "proposal").exists()
+    # Nothing on the first screen told which columns were used for what.
+    basis = html.unescape(page.partition("Columns used: ")[2].partition("</p>")[0])
+    for line in re.findall(r"^  (\S.* -> .*)", said, re.MULTILINE):
+        assert line.split(" -> ")[0] + " as " in basis
 
 
 def test_the_temporary_folder_stays_and_is_named(tmp_path, monkeypatch):
@@ -118,8 +123,8 @@ def test_figures_that_scale_with_a_default_say_that_it_is_not_confirmed(tmp_path
     said = done.output
     assert done.exit_code == 0
     assert "Yes (scale not confirmed). The" in said
-    assert "no file states the scale of the parameters; assumed: effort = torque in N·m." in said
-    step = f"Confirm or correct the scale: pellucid try {path} --answer 'effort=torque in N*m'\n"
+    assert "no file states the scale of the parameters; assumed: effort column = torque in N·m." in said
+    step = f"Confirm or correct the scale (effort column): pellucid try {path} --answer 'effort=torque in N*m'\n"
     assert step in said  # it ends with the command, so that it can be copied
     first = following_of(tmp_path / "open" / "index.html")[0]
     assert html.unescape(first) == step.strip()
@@ -450,7 +455,7 @@ def require_first_screen(page, table):
     assert re.search(r"\d to −?\d|± \d", text), text
     assert "Assumed" in text
     for each in table["assumed"][:4]:
-        assert each["subject"][:30] in text, each
+        assert QUESTION_WORDS.get(each["subject"], each["subject"])[:30] in text, each
 
 
 @pytest.mark.parametrize(("make", "joints"), [(unit_row, ["knee"]), (two_joints, ["hip", "knee"])])

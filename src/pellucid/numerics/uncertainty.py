@@ -164,8 +164,9 @@ def long_run_covariance(
 def relative_error_factor(measured: np.ndarray, residual: np.ndarray, lengths: Sequence[int]) -> float:
     r"""Return the factor between a relative error and the ends of its 95 % confidence interval; NaN without an error.
 
-    The error is ||residual|| / ||measured||. The error :math:`e` solves :math:`\sum_t (r_t^2 - e^2 y_t^2) = 0`. The long-run variance of this sum gives the
-    standard error of :math:`\log e`. `measured` and `residual`, (m,), are stretches of the given `lengths`.
+    The error :math:`e`, ||residual|| / ||measured||, solves :math:`\sum_t (r_t^2 - e^2 y_t^2) = 0`. The long-run
+    variance of this sum gives the standard error of :math:`\log e`. `measured` and `residual`, (m,), are stretches of
+    the given `lengths`.
     """
     size = float(np.sum(measured**2))
     square = float(np.sum(residual**2)) / size if size > 0.0 else 0.0

@@ -93,7 +93,8 @@ class TriedLog:
                 f" --answer {shlex.quote(f'{key}={value}')}" for key, value in shown.items()
             )
             read_as = scale_reading(self.proposal) if "effort" in shown else ""
-            steps.insert(0, Step(f"Confirm or correct the scale{read_as}: `{command}`"))
+            named = ", ".join(a.words for a in taken)
+            steps.insert(0, Step(f"Confirm or correct the scale ({named}){read_as}: `{command}`"))
         if self.robot_command:
             steps.append(Step("Or identify one model of all joints, with the robot's URDF", line=self.robot_command))
         return replace(found, next=tuple(steps))

@@ -4,17 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from .._errors import listed_names
 from ..study.answer import answer_lines
 from ..study.results import finite_row, row_table
-from .inference.assign_roles import ColumnRole
-from .proposal import Layout
 from .study_text import channel_name
 from .tried_log import TriedLog
-from .try_page import parameter_rows
-
-MAX_LISTED_COLUMNS = 12
-"""At most so many columns are listed; the page has all."""
+from .try_page import column_roles, parameter_rows
 
 
 def tried_lines(tried: TriedLog) -> tuple[list[str], tuple[tuple[str, ...], list[tuple[str, ...]]], list[str]]:
@@ -26,26 +20,11 @@ def tried_lines(tried: TriedLog) -> tuple[list[str], tuple[tuple[str, ...], list
     before = [
         *answer_lines(tried.answer),
         f"{tried.study.name}: {proposal.motion} motion{drive}; {proposal.summary}.",
-        *(line for layout in proposal.layouts for line in _columns(layout)),
+        *(f"  {line}" for layout in proposal.layouts for line in column_roles(layout, "->")),
         *([tried.robot_advice.replace("`", "")] if tried.robot_advice else []),
     ]
     assumed = [f"assumed {assumption.sentence}" for assumption in tried.assumptions]
     return before, parameter_rows(tried), assumed
-
-
-def _columns(layout: Layout) -> list[str]:
-    """Return the columns of a layout and their roles in a line, and those that are not used in another one."""
-    clock = layout.roles.clock
-    used = [f"{clock.column} -> time [{clock.unit}]"] if clock.column else []
-    used += [f"{role.column} -> {channel_name(role)} [{_scaled_unit(role)}]" for role in layout.channels]
-    idle = [role.column for role in layout.roles.roles if role.quantity is None]
-    lines = [f"  {listed_names(used, MAX_LISTED_COLUMNS)}"]
-    return [*lines, f"  not used: {listed_names(idle, MAX_LISTED_COLUMNS)}"] if idle else lines
-
-
-def _scaled_unit(role: ColumnRole) -> str:
-    """Return the unit of a column's numbers with how many of it one number is, as in "0.01 deg"."""
-    return role.unit if role.scale == 1.0 else f"{role.scale:.4g} {role.unit}"
 
 
 def try_table(tried: TriedLog) -> dict[str, Any]:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from .._errors import listed_names
 from ..models.estimates import Parameter
-from ..study.answer import WORN_TOGETHER
+from ..study.answer import WORN_TOGETHER, Answer
 from ..study.drawing.drawing import (
     SHADED_GAPS_WORDS,
     Drawing,
@@ -40,9 +42,15 @@ from ..study.pages.quantities import (
 )
 from ..study.procedures.study_page import figure_tables, parameter_tables
 from .proposal_page import layout_tables
+from .study_text import channel_name
 
 if TYPE_CHECKING:
+    from .inference.assign_roles import ColumnRole
+    from .proposal import Layout
     from .tried_log import TriedJoint, TriedLog
+
+MAX_LISTED_COLUMNS = 12
+"""At most so many columns are listed in a line; a table has all."""
 
 MAX_DRAWN_JOINTS = 8
 """At most so many joints are drawn."""
@@ -93,10 +101,34 @@ def try_page(tried: TriedLog) -> Page:
         tuple(sections),
         f"Written by pellucid {version('pellucid')}. The study is in {tried.study.folder}.",
         verdicts,
-        tried.answer,
+        _with_columns(tried),
         figure=draw(_efforts, held) if is_first else None,
         summary=(_parameters(tried), _assumed(tried, MAX_SHOWN_ASSUMPTIONS)),
     )
+
+
+def column_roles(layout: Layout, arrow: str) -> list[str]:
+    """Return the columns of a layout and their roles in a line, and those that are not used in another one."""
+    clock = layout.roles.clock
+    used = [f"{clock.column} {arrow} time [{clock.unit}]"] if clock.column else []
+    used += [f"{role.column} {arrow} {channel_name(role)} [{_scaled_unit(role)}]" for role in layout.channels]
+    idle = [role.column for role in layout.roles.roles if role.quantity is None]
+    lines = [listed_names(used, MAX_LISTED_COLUMNS)]
+    return [*lines, f"not used: {listed_names(idle, MAX_LISTED_COLUMNS)}"] if idle else lines
+
+
+def _scaled_unit(role: ColumnRole) -> str:
+    """Return the unit of a column's numbers with how many of it one number is, as in "0.01 deg"."""
+    return role.unit if role.scale == 1.0 else f"{role.scale:.4g} {role.unit}"
+
+
+def _with_columns(tried: TriedLog) -> Answer:
+    """Return the answer with the roles of the columns in its basis."""
+    answer = tried.answer
+    if answer.basis is None:
+        return answer
+    roles = "; ".join(line for layout in tried.proposal.layouts for line in column_roles(layout, "as"))
+    return replace(answer, basis=replace(answer.basis, more=(*answer.basis.more, f"Columns used: {roles}.")))
 
 
 def parameter_rows(tried: TriedLog) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
@@ -168,13 +200,13 @@ def _assumed(tried: TriedLog, most: int | None = None) -> Section:
     if most is not None and len(tried.joints) > MAX_DETAILED_JOINTS:
         # A table of several joints leaves no room for another above the verdicts.
         most = MAX_ASSUMPTIONS_OF_JOINTS
-        text = "; ".join(f"{_short(a.subject)}: {_short(a.taken)}" for a in assumed[:most])
+        text = "; ".join(f"{_short(a.words)}: {_short(a.taken)}" for a in assumed[:most])
         more = len(assumed) - most
         return Section(anchor, "Assumed", (f"{text}{f'; and {more} more, listed below' * (more > 0)}.",))
     if most is not None:
         more = len(assumed) - most
         notes = (f"and {more} more, listed below",) if more > 0 else ()
-        rows = tuple(Row((_short(a.subject), _short(a.taken), "default" if a.is_question else "from the files"))
+        rows = tuple(Row((_short(a.words), _short(a.taken), "default" if a.is_question else "from the files"))
                      for a in assumed[:most])  # fmt: skip
         return Section(anchor, "Assumed", (), (Table(("Assumption", "Value", "Origin"), rows, wide=True),), notes=notes)
     rows = tuple(

@@ -46,6 +46,26 @@ UNCONFIRMED_SCALE = "scale not confirmed"
 FOLDER = "{folder}"
 """Mark in the text of a step that stands for the study's folder."""
 
+QUESTION_WORDS: Mapping[str, str] = {
+    "rate": "sampling rate",
+    "effort": "effort column",
+    "rated": "rated effort of the drive",
+    "position_unit": "unit of the position",
+    "counts_per_turn": "counts per turn of the joint",
+    "gear_turns": "motor turns per turn of the joint",
+    "full_duty": "number for 100 % duty",
+    "supply_voltage": "supply voltage",
+    "lever_arm": "distance of the force from the axis",
+    "command_followed": "the drive delivers its command",
+    "emg_unit": "unit of EMG",
+    "muscles": "muscles of the labels",
+    "worn": "robot worn",
+    "drive_constant": "drive constant",
+    "payload": "payload carried",
+    "angle_zero": "hangs down at angle 0",
+}
+"""Plain words for the keys of the questions about a recording."""
+
 MAX_NAMED_ASSUMPTIONS = 4
 """Largest number of assumptions that a sentence names; a study's page has all."""
 
@@ -205,6 +225,11 @@ class Assumption:
     why: str = ""
     is_question: bool = True
     is_scale: bool = False
+
+    @property
+    def words(self) -> str:
+        """Its subject in plain words."""
+        return QUESTION_WORDS.get(self.subject, self.subject)
 
     @property
     def sentence(self) -> str:
@@ -371,7 +396,7 @@ def _number_table(number: AnswerNumber) -> dict[str, Any]:
 def assumed_sentence(assumed: Sequence[Assumption]) -> str:
     """Return the defaults that were taken, in a sentence; those that scale every number first."""
     ordered = sorted(assumed, key=lambda each: not each.is_scale)
-    named = ", ".join(f"{each.subject} = {each.taken}" for each in ordered[:MAX_NAMED_ASSUMPTIONS])
+    named = ", ".join(f"{each.words} = {each.taken}" for each in ordered[:MAX_NAMED_ASSUMPTIONS])
     more = len(ordered) - MAX_NAMED_ASSUMPTIONS
     return f"Assumed, because no file states it: {named}{f' and {more} more' if more > 0 else ''}."
 
@@ -448,7 +473,7 @@ def with_assumed(answer: Answer, assumed: Sequence[Assumption]) -> Answer:
     answer = replace(answer, assumed=tuple(assumed))
     if not scales or not answer.is_answered:
         return answer
-    named = ", ".join(f"{each.subject} = {each.taken}" for each in scales)
+    named = ", ".join(f"{each.words} = {each.taken}" for each in scales)
     if answer.is_relative:
         said = f"{answer.said.rstrip('.')}; no file states the scale of the parameters; assumed: {named}"
         return replace(answer, said=said, qualifier=answer.qualifier or UNCONFIRMED_SCALE)

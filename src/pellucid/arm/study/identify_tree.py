@@ -10,7 +10,7 @@ import numpy as np
 from ..._errors import IdentificationError, RecordingError
 from ...study.procedures.findings import collect_findings
 from ...study.procedures.procedure import Progress, quiet
-from ...study.recorded_motions import filtering_of
+from ...study.recorded_motions import computed_effort, filtering_of
 from ...study.study import Study
 from ..fit import fit_tree as identification
 from ..fit.consistent_inertias import ConsistentSolution
@@ -84,6 +84,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     processing = study.processing_of(study.recordings()[0])
     filtering = filtering_of(processing)
     bands = {joint.joint: joint.dead_band for joint in study.rig.joints}
+    effort = "N*m" if all(fitted[0].gain_known) else ""
     result = TreeResult(
         study=study.name,
         headline="",
@@ -101,6 +102,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
         lines=tuple(found.lines),
         jackknife=found.jackknife,
         payloads=payloads,
+        computed=computed_effort((joint.drive.kind for joint in study.rig.joints), effort),
         gains=tuple(zip(map(float, fitted[0].gain), fitted[0].drive_units, fitted[0].gain_known, strict=True)),
         identified_gains=gains,
         gains_note=GAIN_SOURCES[table.gains],

@@ -24,7 +24,7 @@ from ...numerics.motion import Filtering
 from ...study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts
 from ...study.cause_words import cause_sentence
 from ...study.pages.quantities import percent
-from ...study.procedures.findings import MAX_GOOD_ERROR, MAX_IMPROVING_STEPS, steps_before_use
+from ...study.procedures.findings import MAX_GOOD_ERROR, MAX_IMPROVING_STEPS, SECOND_RECORDING_TEXT, steps_before_use
 from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTable, Result
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
@@ -154,6 +154,7 @@ class TreeResult(Result):
     traces: tuple[TreeTrace, ...] = field(default=(), repr=False)  # filtered recordings
     filtering: Filtering  # filtering and decimation of both sides
     effort_lowpass: float | None = None  # cut-off of the low-pass on effort, where it is another [Hz]
+    computed: str = ""  # what the efforts are computed from, in words; "" where they were recorded as such
     dead_band: tuple[float, ...] = ()  # speed of each joint below which samples are excluded [rad/s; m/s]
 
     def make_answer(self) -> Answer:
@@ -320,11 +321,31 @@ def tree_answer(found: TreeResult) -> Answer:
         f"{said}.",
         parts,
         numbers,
-        Basis(recordings, recordings, judged=_judged_words(found), held_out=_held_out_count(found)),
+        Basis(
+            recordings, recordings, judged=_judged_words(found), held_out=_held_out_count(found),
+            computed=found.computed,
+        ),
         improve=_improving(found, parts),
-        next=(*steps_before_use(found.verdicts, UNIDENTIFIED_FINDINGS), Step("Export a controller", "export")),
+        next=(*_before_export(found, best.each), Step("Export a controller", "export")),
         is_relative=True,
     )
+
+
+def _before_export(found: TreeResult, errors: Sequence[float]) -> tuple[Step, ...]:
+    """Return what to record or to look for before a model that predicts is used; `errors` are the joints' [%]."""
+    steps = [*steps_before_use(found.verdicts, UNIDENTIFIED_FINDINGS)]
+    if found.judged == "segments_out":
+        steps.append(Step(
+            'Record a second motion and hold it out (`use = "validate"` in study.toml): the errors are of segments of '
+            "the fitted recordings"
+        ))  # fmt: skip
+    elif _held_out_count(found) == 1:
+        steps.append(Step(SECOND_RECORDING_TEXT))
+    each = dict(zip(found.names, errors, strict=True))
+    worst = max((cause for cause in found.causes if cause.joint in each), key=lambda c: each[c.joint], default=None)
+    if worst is not None:
+        steps.append(Step(f"To reduce the error, look for this cause: {cause_sentence(worst)}"))
+    return tuple(steps[:MAX_IMPROVING_STEPS])
 
 
 def _judged_words(found: TreeResult) -> str:

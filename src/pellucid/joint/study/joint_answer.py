@@ -16,6 +16,7 @@ from ...study.pages.values import Value
 from ...study.procedures.findings import (
     MAX_GOOD_ERROR,
     MAX_IMPROVING_STEPS,
+    SECOND_RECORDING_TEXT,
     SOUND_R2,
     improving_steps,
     steps_before_use,
@@ -90,9 +91,6 @@ UNIDENTIFIED_FINDINGS = ("wide_interval", "weak_parameter")
 
 JUST_WITHIN_SHARE = 0.1
 """An error is just within its bound if less than this share of the bound is left. Chosen by judgement."""
-
-SECOND_RECORDING_TEXT = "Record a second recording to hold out: the verdict rests on a single one"
-"""Text of the next step where a single held-out recording decides."""
 
 MAX_NAMED_RECORDINGS = 4
 """Largest number of recordings that a sentence names."""

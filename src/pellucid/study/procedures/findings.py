@@ -42,6 +42,9 @@ FINDING_PREFIX = "report_"
 CAUSES_FINDING = "causes"
 """Finding of a cause of what a model misses."""
 
+SECOND_RECORDING_TEXT = "Record a second recording to hold out: the verdict rests on a single one"
+"""Text of the next step where a single held-out recording decides."""
+
 MAX_IMPROVING_STEPS = 3
 """Largest number of steps that an answer takes from findings."""
 

@@ -221,15 +221,18 @@ def transfer_answer(found: TransferResult) -> Answer:
     if outside:
         said = (
             f"On held-out data, the fit is {least:g} % or more for {good} of {len(outside)} recordings "
-            f"({min(outside):.1f} to {max(outside):.1f} %){needed_of_parts(parts)}; each transfer function {where}"
+            f"({min(outside):.1f} to {max(outside):.1f} %, median {np.median(outside):.1f} %){needed_of_parts(parts)}; "
+            f"each transfer function {where}"
         )
     count = len(found.checksums)
     judged = "held-out data" if outside else ""
     unfitted = set(found.heldout) - set(found.single)
     if outside and not unfitted:
         judged = f"held-out data: the last {percent(100.0 * TRANSFER_THRESHOLDS.held_out_share)} % of each recording"
+    given, response = map(_channel_words, found.channels, found.units)
     return answer_of_parts(
-        f"Do the transfer functions predict held-out data with a fit of {least:g} % or more?",
+        f"Do transfer functions from the {given} (input) to the {response} (output) predict the {response} of "
+        f"held-out data with a fit of {least:g} % or more?",
         f"{said}.",
         parts,
         [AnswerNumber(f"fit of {name} on held-out data", r.fit, "%") for name, r in found.heldout.items()],
@@ -238,6 +241,11 @@ def transfer_answer(found: TransferResult) -> Answer:
         without_parts="no data could be held out",
         is_relative=True,
     )
+
+
+def _channel_words(channel: str, unit: str) -> str:
+    """Return a channel in plain words: a position in rad is an angle."""
+    return "angle" if (channel, unit) == ("position", "rad") else channel.replace("_", " ")
 
 
 def _improving(found: TransferResult, poor: Sequence[str]) -> tuple[Step, ...]:
