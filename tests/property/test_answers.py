@@ -98,7 +98,8 @@ def test_a_default_that_scales_every_number_leaves_only_relative_numbers_to_say_
     assert answer.based_on == ("Assumed, because no file states it: unit of the position = rad, robot worn = no.",)
     relative = with_assumed(replace(PLAIN, is_relative=True), (open_question,))
     assert (relative.badge, relative.is_answered) == ("Yes (scale not confirmed)", True)
-    assert relative.sentence.endswith("; no file states the scale of the parameters; assumed: unit of the position = rad")
+    ending = "; no file states the scale of the parameters; assumed: unit of the position = rad"
+    assert relative.sentence.endswith(ending)
     kept = with_assumed(PLAIN, (Assumption("worn", "no"),))
     assert kept.verdict == "yes"
     assert "worn = no" in kept.based_on[0]

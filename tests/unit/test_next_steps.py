@@ -53,6 +53,20 @@ def test_only_analyses_without_a_result_are_named(monkeypatch):
     assert list(module._without_result(None, SimpleNamespace(command="other"), ())) == []
 
 
+def test_advice_after_a_no_ends_with_the_command_that_repeats_the_analysis(monkeypatch):
+    """A page said what to record, and no command followed."""
+    monkeypatch.setattr(module, "asked", lambda study: [])
+    found = SimpleNamespace(command="identify", flaw="")
+    advice, export = Step("Record longer"), Step("Export a controller", "export")
+    for verdict, steps, names in (
+        ("no", (advice,), ["", "report", "identify"]),
+        ("yes", (advice,), ["", "report"]),
+        ("no", (advice, export), ["", "export", "report"]),
+    ):
+        answer = Answer("?", verdict, "It is so.", next=steps)
+        assert [step.name for step in module._steps(None, found, answer, ())] == names
+
+
 def test_a_page_does_not_name_other_analyses_twice():
     further, own = Step(module.FURTHER_TEXT, "emg force"), Step("Draw the page", "report")
     assert module.without_further(Answer("?", "yes", "It is.", next=(further, own))).next == (own,)
@@ -145,6 +159,20 @@ def test_a_transfer_function_names_the_recordings_that_it_does_not_predict():
     assert "(excluded so far: slow: 3 outliers)" in first
     assert "poles" not in first
     assert second == texts[1]
+
+
+def test_the_question_of_a_transfer_function_names_its_input_and_output():
+    """It asked whether "the transfer functions predict held-out data"."""
+    single = {"a": SimpleNamespace(responses=[SimpleNamespace(fit=90.0)])}
+    found = SimpleNamespace(
+        heldout={"a": SimpleNamespace(fit=88.0), "b": SimpleNamespace(fit=84.0)}, refused={}, unevaluated={},
+        single=single, checksums={"a": "", "b": ""}, channels=("torque", "position"), units=("N*m", "rad"), fits=single,
+    )  # fmt: skip
+    answer = identify_transfer.transfer_answer(found)
+    assert answer.question.startswith(
+        "Do transfer functions from the torque (input) to the angle (output) predict the angle of held-out data"
+    )
+    assert "(84.0 to 88.0 %, median 86.0 %)" in answer.sentence
 
 
 def test_rules_for_movements_are_spelled_out():

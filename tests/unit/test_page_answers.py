@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from pellucid.arm.study.joint_answers import answer_joints
 from pellucid.joint.fit.headline_choice import HeadlineChoice
 from pellucid.joint.study import joint_answer as module
+from pellucid.joint.study.joint_page import answer_figure
 from pellucid.joint.study.joint_page import page as joint_page
 from pellucid.joint.study.joint_result import complete_result, rows_of
 from pellucid.models.estimates import Verdict
@@ -263,12 +264,30 @@ def test_the_error_of_a_single_held_out_recording_has_an_interval_and_asks_for_a
     assert second.name == "export"
 
 
+def test_a_bound_that_the_interval_covers_is_said_to_be_uncertain():
+    """Yes, 20.0 %, was as certain as 5 %."""
+    fit = predicting((5.0,), 17.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "error_interval", lambda fit: (14.0, 21.0))
+        assert "(95 % CI 14.0 to 21.0 %, R² 0.960), just within 20 % and uncertain" in fit.answer.sentence
+        patch.setattr(module, "error_interval", lambda fit: (14.0, 19.0))
+        assert "just within" not in fit.answer.sentence
+
+
+def test_a_recording_with_a_number_keeps_its_name():
+    """The answer named "lift and drop kp100", the step lift_and_drop_kp100."""
+    assert typeset_sentence("Above: lift_and_drop_kp100, stick_slip") == "Above: lift_and_drop_kp100, stick slip"
+
+
 def test_an_effort_that_is_computed_is_not_said_to_be_measured():
     """A drive's voltage was recorded, and its torque was "measured"."""
     assert computed_effort(["torque"], "N*m") == computed_effort(["current"], "A") == ""
     source = computed_effort(["voltage"], "N*m")
     basis = replace(predicting(computed=source).answer.basis, is_simulated=False)
     assert "measured (torque computed from the drive's voltage)" in basis.sentence
+    drawn = answer_figure(predicting(computed=source))
+    assert "its effort: torque computed from the drive's voltage" in drawn.caption
+    assert "measured" not in drawn.caption
 
 
 def test_an_error_near_the_bound_says_so_and_asks_for_another_recording():

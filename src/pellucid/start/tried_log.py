@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..models.estimates import Parameter, Verdict, rank_verdicts
 from ..study.answer import REPORT_COMMAND, Answer, Assumption, Step
+from ..study.procedures.complete_answer import REPEAT_TEXT
 from ..study.procedures.result import HeldOutEffort, Result
 from ..study.study import Study
 from .proposal import NO_ANSWERS, Proposal
@@ -86,7 +87,9 @@ class TriedLog:
         if found.verdict == "yes":
             steps = [*(step for step in found.next if not step.command), *steps]
         elif not taken:
-            steps = [*(step for step in found.next if step.name != REPORT_COMMAND), *steps]
+            again = Step("Then try the files again", line=self.again_command)
+            advice = [step for step in found.next if step.name != REPORT_COMMAND and step.text != REPEAT_TEXT]
+            steps = [*advice, *([again] if advice else []), *steps]
         if taken:
             shown = {a.subject: a.taken if a.taken not in NO_ANSWERS else "..." for a in taken}
             command = self.again_command + "".join(

@@ -22,6 +22,7 @@ from ..study.drawing.drawing import (
     heads,
     key,
     measured_and_predicted,
+    recorded_word,
     shade_gaps,
     tidy,
 )
@@ -79,11 +80,13 @@ def try_page(tried: TriedLog) -> Page:
     result = tried.result
     verdicts = tuple((v.kind, typeset_sentence(v.said)) for v in tried.verdicts)
     held = _held_out_joints(tried)
+    computed = tried.answer.basis.computed if tried.answer.basis else ""
     sections = [_assumed(tried)]
     # A table of several joints leaves no room for a figure above the assumptions.
     is_first = len(held) == 1 and len(tried.joints) <= MAX_DETAILED_JOINTS
     if held and not is_first:
-        sections.insert(0, Section("held-out", "Prediction of held-out data", drawings=(draw(_efforts, held),)))
+        drawing = draw(_efforts, held, computed)
+        sections.insert(0, Section("held-out", "Prediction of held-out data", drawings=(drawing,)))
     tables = (*parameter_tables(result), *figure_tables(result))
     sections.append(Section("result", "Parameters and comparisons", (), tables))
     for layout in tried.proposal.layouts:
@@ -102,7 +105,7 @@ def try_page(tried: TriedLog) -> Page:
         f"Written by pellucid {version('pellucid')}. The study is in {tried.study.folder}.",
         verdicts,
         _with_columns(tried),
-        figure=draw(_efforts, held) if is_first else None,
+        figure=draw(_efforts, held, computed) if is_first else None,
         summary=(_parameters(tried), _assumed(tried, MAX_SHOWN_ASSUMPTIONS)),
     )
 
@@ -228,11 +231,12 @@ def _held_out_joints(tried: TriedLog) -> list[TriedJoint]:
     return [joint for _, joint in sorted(held, key=lambda each: -each[0])][:MAX_DRAWN_JOINTS]
 
 
-def _efforts(joints: Sequence[TriedJoint]) -> Drawing:
-    """Draw measured and predicted efforts on held-out data, a joint beneath another."""
+def _efforts(joints: Sequence[TriedJoint], computed: str) -> Drawing:
+    """Draw recorded and predicted efforts on held-out data, a joint beneath another; `computed` as `recorded_word`."""
     figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 1.7 * len(joints)), layout="constrained")
     axes = figure.subplots(len(joints), 1, squeeze=False, sharex=False)[:, 0]
     has_gaps = several = False
+    word = recorded_word(computed)
     for axis, joint in zip(axes, joints, strict=True):
         held = joint.held_out
         assert held is not None  # such joints alone are drawn
@@ -248,13 +252,13 @@ def _efforts(joints: Sequence[TriedJoint]) -> Drawing:
         axis.axhline(float(held.measured.mean()), color=colour("muted"), linewidth=0.9)
         tidy(axis, first=True, text=effort_label(held.unit), ticks=4)
         heads([axis], [Head(joint.name, f"error {percent(held.error)} %", colour("heldout"))])
-    entries = [("measured", colour("measured")), ("predicted (dashed)", colour("heldout")), ("mean", colour("muted"))]
+    entries = [(word, colour("measured")), ("predicted (dashed)", colour("heldout")), ("mean", colour("muted"))]
     key(axes[0], entries)
     axes[-1].set_xlabel("Time (s)")
     return Drawing(
         "held_out",
         figure,
-        "Effort on held-out data: measured, predicted by the model (dashed), and the mean as a baseline."
+        f"Effort on held-out data: {word}, predicted by the model (dashed), and the mean as a baseline."
         + (" Vertical lines separate recordings." if several else "")
         + (f" {SHADED_GAPS_WORDS}" if has_gaps else ""),
     )

@@ -299,6 +299,9 @@ def complete_result(study: Study, found: TreeResult) -> TreeResult:
     )
 
 
+EXPORT_STEP = Step("Export a controller, because the model predicts each joint", "export")
+"""Last step with a model that predicts."""
+
 UNIDENTIFIED_FINDINGS = ("hardly_moved", "unknown_gain", "weak_numbers")
 """Findings that a parameter is not known well enough for a controller."""
 
@@ -326,7 +329,7 @@ def tree_answer(found: TreeResult) -> Answer:
             computed=found.computed,
         ),
         improve=_improving(found, parts),
-        next=(*_before_export(found, best.each), Step("Export a controller", "export")),
+        next=(*_before_export(found, best.each), EXPORT_STEP),
         is_relative=True,
     )
 

@@ -83,7 +83,7 @@ STRETCHES_OUT = "segments of the fitted recordings (cross-validation)"
 HOLD_OUT_STEP = Step('Hold out some recordings (write `use = "validate"` in study.toml), then', "check")
 """Next step if no recording is held out."""
 
-CONTROLLER_STEP = Step("Export a controller", "export")
+CONTROLLER_STEP = Step("Export a controller, because the model predicts the joint", "export")
 """Next step with a model that predicts."""
 
 UNIDENTIFIED_FINDINGS = ("wide_interval", "weak_parameter")
@@ -132,7 +132,7 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     sure = ", ".join(filter(None, (sure, f"R² {number(r2, digits=3)}" if np.isfinite(r2) else "")))
     known_r2 = f" ({sure})" if sure and not ranged else ""
     verdict, reason = _verdict(error.number, r2, judged)
-    near = _margin_text(fit, error.number) if verdict == "yes" else ""
+    near = _margin_text(fit, error.number, interval) if verdict == "yes" else ""
     said += f"{ranged}{known_r2}{near}{_constant_text(fit, effort)}."
     no_machine = next((v.text for v in fit.verdicts if v.finding in NO_MACHINE_FINDINGS and v.kind == "warning"), "")
     if verdict == "yes" and no_machine:
@@ -152,13 +152,14 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     )  # fmt: skip
 
 
-def _margin_text(fit: JudgedJoint, error: float) -> str:
+def _margin_text(fit: JudgedJoint, error: float, interval: tuple[float, float] | None) -> str:
     """Return that an error [%] is just within the bound, and by how much it exceeds the fitted one; "" otherwise."""
-    if error <= (1.0 - JUST_WITHIN_SHARE) * MAX_GOOD_ERROR:
+    is_open = interval is not None and interval[1] > MAX_GOOD_ERROR
+    if error <= (1.0 - JUST_WITHIN_SHARE) * MAX_GOOD_ERROR and not is_open:
         return ""
     fitted = float(fit.headlined.fitted_effort_error)
     beside = f"; on the fitted data {percent(fitted)} %" if np.isfinite(fitted) else ""
-    return f", just within {MAX_GOOD_ERROR:g} %{beside}"
+    return f", just within {MAX_GOOD_ERROR:g} %{' and uncertain' * is_open}{beside}"
 
 
 def _recording_steps(fit: JudgedJoint, *, is_close: bool) -> tuple[Step, ...]:

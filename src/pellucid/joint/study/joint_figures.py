@@ -31,6 +31,7 @@ from ...study.drawing.drawing import (
     measured_and_predicted,
     one_panel,
     origin,
+    recorded_word,
     shade_gaps,
     tidy,
 )
@@ -231,7 +232,7 @@ def effort(fit: JointResult, family: FamilyFit) -> Drawing:
         rest = f"{SPLIT_LABELS[first.split]} · error {error} % · {percent(100.0 * covered)} % of samples inside"
         heads([wide], [Head(first.recording, rest, colour(first.split))])
         if row == 0:
-            entries = [("measured", colour("measured")), ("predicted", colour(first.split))]
+            entries = [(recorded_word(fit.computed), colour("measured")), ("predicted", colour(first.split))]
             key(zoom if zoom.get_visible() else wide, entries)
         for axis in (wide, zoom):
             axis.set_xlabel("Time (s)" if row == len(shown) - 1 else "")
@@ -239,9 +240,9 @@ def effort(fit: JointResult, family: FamilyFit) -> Drawing:
     return Drawing(
         "effort",
         figure,
-        f"Effort measured (black; white on a dark page) and predicted by the {family.family} model (dashed, colour); "
-        "the band is the 95 % prediction interval. The error is the norm of the difference relative to the norm of "
-        "the effort."
+        f"Effort {recorded_word(fit.computed)} (black; white on a dark page) and predicted by the {family.family} "
+        "model (dashed, colour); the band is the 95 % prediction interval. The error is the norm of the difference "
+        "relative to the norm of the effort."
         + (f" {SHADED_GAPS_WORDS}" if gaps else "")
         + _rest(left_out).replace("the table below", "the table of held-out errors"),
     )
@@ -632,6 +633,7 @@ def moving_joint(
     unit: str,
     error: Value,
     use: str,
+    computed: str,
     caption: str,
 ) -> MovingDrawing:
     """Draw a joint along the busiest seconds of a recording, with its measured and predicted effort.
@@ -652,6 +654,8 @@ def moving_joint(
         Error of the prediction over all `parts` [%].
     use : str
         Use of the recordings in words, such as "held out".
+    computed : str
+        What the effort is computed from, in words; "" where it was recorded as such.
     caption : str
         Text below the figure.
     """
@@ -685,13 +689,13 @@ def moving_joint(
     traces.set_xlim(start, stop)
     errors.set_xlabel("Time (s)")
     heads([traces], [Head(group[0].recording, use, colour(role))])
-    key(traces, [("measured", colour("measured")), ("predicted (dashed)", colour(role))])
+    key(traces, [(recorded_word(computed), colour("measured")), ("predicted (dashed)", colour(role))])
     known = np.isfinite(time) & np.isfinite(position)
     frames = np.linspace(start, stop, FRAME_COUNT)
     moved = np.interp(frames, time[known], position[known])
     ways = _turning(stick, moved - upright) if rotary else _sliding(stick, moved)
     ways["cursor"] = cursor(traces, frames)
-    caption += " Below: measured minus predicted" + (
+    caption += f" Below: {recorded_word(computed)} minus predicted" + (
         ", and the 95 % prediction interval (band)." if is_banded else "."
     )
     caption = f"{caption} {SHADED_GAPS_WORDS}" if has_gaps else caption

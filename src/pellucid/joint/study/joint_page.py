@@ -144,9 +144,9 @@ def answer_figure(fit: JointResult) -> Drawing:
     sine, cosine = (best[n].value if n in best.model.names else 0.0 for n in ("gravity", "gravity_cosine"))
     return draw(
         moving_joint, parts, "answer", rotary=fit.motion == "rotary", upright=-float(np.arctan2(cosine, sine)),
-        unit=fit.effort_unit, error=headline_error(fit) if held else own, use=use,
-        caption=f"The joint as it was recorded ({use}; its length is not to scale), and its effort: measured, and "
-        "dashed as the model predicts it.",
+        unit=fit.effort_unit, error=headline_error(fit) if held else own, use=use, computed=fit.computed,
+        caption=f"The joint as it was recorded ({use}; its length is not to scale), and its effort: "
+        f"{fit.computed or 'measured'}, and dashed as the model predicts it.",
     )  # fmt: skip
 
 

@@ -211,6 +211,8 @@ def percent(value: float) -> str:
 _COLUMN_PATTERN = r"\b(?=\w*_)(?=\w*[A-Z])\w+"
 """Name of a column: the program's own names have no capital letter."""
 
+_NUMBERED_PATTERN = r"\b(?=\w*[a-z]_)(?=\w*\d)\w+"
+
 _FILE_PATTERN = r"\S+\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf|toml|urdf)\b"
 
 
@@ -238,7 +240,7 @@ def typeset_sentence(text: str) -> str:
     for name in (n for n in PARAMETER_LABELS if "_" in n):
         text = re.sub(rf"\b{name}\b", name.replace("_positive", " +").replace("_negative", f" {MINUS_SIGN}"), text)
     # A key with a value, such as lever_arm=0.3 m, is there to be copied.
-    kept = rf"`[^`]*`|{_FILE_PATTERN}|{_COLUMN_PATTERN}|\b\w+(?= ?=)"
+    kept = rf"`[^`]*`|{_FILE_PATTERN}|{_COLUMN_PATTERN}|{_NUMBERED_PATTERN}|\b\w+(?= ?=)"
     text = re.sub(rf"({kept})|(?<=[a-z])_(?=[a-z])", lambda found: found[1] or " ", text)
     text = re.sub(r"\bR2\b", "R²", typeset_quantities(text))
     text = re.sub(_NUMBER_BEFORE_UNIT, lambda found: found[1] or "\N{NO-BREAK SPACE}", text)

@@ -8,7 +8,9 @@ from ....study.pages.values import Value
 from ....study.procedures.findings import MAX_BODY_ERROR_RATIO
 from ..slider_fit import SliderFit
 
-EXPORT_STEP = Step("Export a controller", "export", ("--controller", "transparent"))
+EXPORT_STEP = Step(
+    "Export a controller, because one body describes the joint", "export", ("--controller", "transparent")
+)
 """Next step with one body that predicts."""
 
 HOLD_OUT_STEP = Step('Hold out some trials (write `use = "validate"` in study.toml), then', "check")
