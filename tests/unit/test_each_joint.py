@@ -7,7 +7,9 @@ from typer.testing import CliRunner
 from pellucid import check, compare, identify, open, report
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.cli import app
+from pellucid.joint.study.each_joint_result import _recording_steps
 from pellucid.joint.study.joint_findings import ONE_FILE_ADVICE
+from pellucid.study.answer import Answer, Step
 from pellucid.study.pages.page import write_page
 
 RATE, SECONDS = 100.0, 24.0
@@ -188,6 +190,13 @@ def test_a_command_that_takes_one_joint_says_what_to_do(make_leg, columns, more)
     ran = CliRunner().invoke(app, ["export", str(study.folder), *more])
     assert ran.exit_code not in (0, 70)
     assert "URDF" in str(ran.output) + str(ran.exception)
+
+
+def test_a_step_that_all_joints_share_is_named_once():
+    """Each of two joints asked for a second recording in a line of its own."""
+    shared, own = Step("Record a second recording"), Step("Record slowly")
+    answers = {"hip": Answer("?", "yes", "", next=(shared, own)), "knee": Answer("?", "yes", "", next=(shared,))}
+    assert [step.text for step in _recording_steps(answers)] == ["Record a second recording", "hip: Record slowly"]
 
 
 def test_studies_are_compared_joint_by_joint(make_leg, columns):

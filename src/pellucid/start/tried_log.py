@@ -9,6 +9,7 @@ from pathlib import Path
 from ..models.estimates import Parameter, Verdict, rank_verdicts
 from ..study.answer import REPORT_COMMAND, Answer, Assumption, Step
 from ..study.procedures.complete_answer import REPEAT_TEXT
+from ..study.procedures.findings import ROBOT_ADVICE
 from ..study.procedures.result import HeldOutEffort, Result
 from ..study.study import Study
 from .proposal import NO_ANSWERS, Proposal
@@ -84,12 +85,13 @@ class TriedLog:
         found = self.result.answer
         steps = [Step("Make a study of these files", line=self.next_command)]
         taken = [a for a in self.assumptions if a.is_scale]
+        unneeded = (REPEAT_TEXT, ROBOT_ADVICE if self.robot_command else "")
+        advice = [step for step in found.next if step.name != REPORT_COMMAND and step.text not in unneeded]
         if found.verdict == "yes":
-            steps = [*(step for step in found.next if not step.command), *steps]
+            steps = [*(step for step in advice if not step.command), *steps]
         elif not taken:
-            again = Step("Then try the files again", line=self.again_command)
-            advice = [step for step in found.next if step.name != REPORT_COMMAND and step.text != REPEAT_TEXT]
-            steps = [*advice, *([again] if advice else []), *steps]
+            again = [Step("Then try the files again", line=self.again_command)] if advice else []
+            steps = [*advice, *again, *steps]
         if taken:
             shown = {a.subject: a.taken if a.taken not in NO_ANSWERS else "..." for a in taken}
             command = self.again_command + "".join(

@@ -53,6 +53,9 @@ if TYPE_CHECKING:
 MAX_LISTED_COLUMNS = 12
 """At most so many columns are listed in a line; a table has all."""
 
+MAX_FIRST_COLUMNS = 6
+"""At most so many columns stand above the figure."""
+
 MAX_DRAWN_JOINTS = 8
 """At most so many joints are drawn."""
 
@@ -110,14 +113,17 @@ def try_page(tried: TriedLog) -> Page:
     )
 
 
-def column_roles(layout: Layout, arrow: str) -> list[str]:
-    """Return the columns of a layout and their roles in a line, and those that are not used in another one."""
+def column_roles(layout: Layout, arrow: str, most: int = MAX_LISTED_COLUMNS) -> list[str]:
+    """Return the columns of a layout and their roles in a line, and those that are not used in another one.
+
+    A line has at most `most` columns.
+    """
     clock = layout.roles.clock
     used = [f"{clock.column} {arrow} time [{clock.unit}]"] if clock.column else []
     used += [f"{role.column} {arrow} {channel_name(role)} [{_scaled_unit(role)}]" for role in layout.channels]
     idle = [role.column for role in layout.roles.roles if role.quantity is None]
-    lines = [listed_names(used, MAX_LISTED_COLUMNS)]
-    return [*lines, f"not used: {listed_names(idle, MAX_LISTED_COLUMNS)}"] if idle else lines
+    lines = [listed_names(used, most)]
+    return [*lines, f"not used: {listed_names(idle, most)}"] if idle else lines
 
 
 def _scaled_unit(role: ColumnRole) -> str:
@@ -130,7 +136,8 @@ def _with_columns(tried: TriedLog) -> Answer:
     answer = tried.answer
     if answer.basis is None:
         return answer
-    roles = "; ".join(line for layout in tried.proposal.layouts for line in column_roles(layout, "as"))
+    layouts = tried.proposal.layouts
+    roles = "; ".join(line for layout in layouts for line in column_roles(layout, "as", MAX_FIRST_COLUMNS))
     return replace(answer, basis=replace(answer.basis, more=(*answer.basis.more, f"Columns used: {roles}.")))
 
 

@@ -140,14 +140,17 @@ def _improving(answers: Mapping[str, Answer]) -> tuple[Step, ...]:
 
 
 def _recording_steps(answers: Mapping[str, Answer]) -> tuple[Step, ...]:
-    """Return what to record before the models that predict are used, from the answers by joint."""
-    steps = [
-        _of_joint(joint, step)
-        for joint, each in answers.items()
-        if each.verdict == "yes"
-        for step in each.next
-        if not step.command
-    ]
+    """Return what to record before the models that predict are used, from the answers by joint.
+
+    A step that all joints share names none of them.
+    """
+    joints: dict[Step, list[str]] = {}
+    for joint, each in answers.items():
+        for step in each.next if each.verdict == "yes" else ():
+            if not step.command:
+                joints.setdefault(step, []).append(joint)
+    count = len(answers)
+    steps = [step if len(named) == count else _of_joint(", ".join(named), step) for step, named in joints.items()]
     return tuple(steps[:MAX_IMPROVING_STEPS])
 
 

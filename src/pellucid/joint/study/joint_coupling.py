@@ -18,6 +18,7 @@ from ...models.estimates import Verdict
 from ...numerics.motion import Motion
 from ...study.answer import Step
 from ...study.pages.quantities import percent
+from ...study.procedures.findings import ROBOT_ADVICE
 from ...study.procedures.result import Result
 from ...study.recorded_motions import motions_of
 from ...study.study import Study
@@ -40,12 +41,6 @@ class CouplingLimits:
 
 
 COUPLING_LIMITS = CouplingLimits()
-
-ROBOT_ADVICE = (
-    "To identify one model of all joints, provide the robot's URDF: run init again with --urdf FILE, or put the file "
-    'into the study\'s folder and add [tree] urdf = "FILE".'
-)
-"""Advice to identify a model of all joints."""
 
 ROBOT_STEP = Step(ROBOT_ADVICE)
 """The same as a step."""

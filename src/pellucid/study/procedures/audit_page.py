@@ -140,7 +140,7 @@ def _tiles(found: Audit) -> tuple[Tile, ...]:
     return (
         Tile("unsound", f"{len(found.alarms)}", "", f"of {len(found.verdicts)} channels"),
         Tile("repaired", f"{counts[REPAIRED_LEVEL]}", "", "when the log is read"),
-        Tile("with a note", f"{counts[NOTE_LEVEL]}", "", noted),
+        Tile("with a note", f"{counts[NOTE_LEVEL]}", "", noted or "none"),
         Tile("sound", f"{counts[SOUND_LEVEL]}", "", "nothing was found"),
         Tile("files", f"{len(found.files)}", "", f"{len(found.unread)} not read"),
     )

@@ -45,6 +45,12 @@ CAUSES_FINDING = "causes"
 SECOND_RECORDING_TEXT = "Record a second recording to hold out: the verdict rests on a single one"
 """Text of the next step where a single held-out recording decides."""
 
+ROBOT_ADVICE = (
+    "To identify one model of all joints, provide the robot's URDF: run init again with --urdf FILE, or put the file "
+    'into the study\'s folder and add [tree] urdf = "FILE".'
+)
+"""Advice to identify a model of all joints."""
+
 MAX_IMPROVING_STEPS = 3
 """Largest number of steps that an answer takes from findings."""
 
