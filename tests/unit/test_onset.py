@@ -237,7 +237,8 @@ def test_the_interval_that_an_answer_gives_is_that_of_first_onsets(tmp_path):
 
 def test_muscles_without_an_onset_are_named_in_the_step(tmp_path):
     """The step spoke of "the muscles named below"."""
-    step = onset(study(tmp_path / "s", change=lambda x: 5e-6 * np.sin(np.arange(len(x))))).answer.next[0]
+    step, _, again = onset(study(tmp_path / "s", change=lambda x: 5e-6 * np.sin(np.arange(len(x))))).answer.next
+    assert again.command == f"pellucid emg onset {tmp_path / 's'}"
     assert step.text.startswith("Attach the electrodes of vastus (1 recording) again, and record half a second of rest")
 
 

@@ -18,6 +18,7 @@ from pellucid.joint.study.joint_page import page as joint_page
 from pellucid.joint.study.joint_result import complete_result, rows_of
 from pellucid.models.estimates import Verdict
 from pellucid.study.answer import (
+    REPEAT_TEXT,
     Answer,
     AnswerPart,
     Assumption,
@@ -400,8 +401,11 @@ def test_the_table_of_families_says_by_which_estimator_it_is(tmp_path, method, s
 def test_the_steps_of_all_answers_stand_together_each_once():
     record = Step("Record raw EMG")
     answers = [Answer("Is it?", "no", "no", next=(record, Step(text))) for text in ("Attach", "Ask more people")]
-    made = Page("t", "k", answer=answers[0], others=(answers[1],))
-    assert made.following == ("Record raw EMG.", "Attach.", "Ask more people.")
+    again = Step(REPEAT_TEXT, "emg onset", folder="s")
+    one, other = (replace(each, next=(*each.next, again)) for each in answers)
+    made = Page("t", "k", answer=one, others=(other,))
+    steps = ("Record raw EMG.", "Attach.", "Ask more people.", "Then repeat the analysis: `pellucid emg onset s`.")
+    assert made.following == steps
 
 
 def test_a_step_names_the_folder_that_was_given():

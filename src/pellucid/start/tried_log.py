@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..models.estimates import Parameter, Verdict, rank_verdicts
-from ..study.answer import REPORT_COMMAND, Answer, Assumption, Step
-from ..study.procedures.complete_answer import REPEAT_TEXT
+from ..study.answer import REPEAT_TEXT, REPORT_COMMAND, Answer, Assumption, Step
 from ..study.procedures.findings import ROBOT_ADVICE
 from ..study.procedures.result import HeldOutEffort, Result
 from ..study.study import Study

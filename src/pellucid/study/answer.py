@@ -280,6 +280,9 @@ class Step:
         return self.words if is_ended else f"{self.words.rstrip('.')}."
 
 
+REPEAT_TEXT = "Then repeat the analysis"
+"""Words of the last step after a no or "cannot say" whose other steps have no command."""
+
 PAPER_STEP = Step("Write figures, tables and methods for a paper", "paper")
 """What to do next with good figures that nothing else is made from."""
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from ..._atomic import remove_leftovers, write_text_atomically
-from ..answer import REPORT_COMMAND, Answer, AnswerPart, begun
+from ..answer import REPEAT_TEXT, REPORT_COMMAND, Answer, AnswerPart, begun
 from ..drawing.drawing import Drawing, set_height
 from ..drawing.style import SANS_SERIF_FONTS, css_variables
 from .forest import Table
@@ -226,8 +226,11 @@ class Page:
     @property
     def following(self) -> tuple[str, ...]:
         """Return the recommended next steps of all answers in sentences, except that of the report itself."""
-        steps = [step for answer in (self.answer, *self.others) if answer is not None for step in answer.next]
-        return tuple(dict.fromkeys(step.sentence for step in steps if step.name != REPORT_COMMAND))
+        own = () if self.answer is None else self.answer.next
+        further = [step for answer in self.others for step in answer.next if step.text != REPEAT_TEXT]
+        steps = [step for step in (*own, *further) if step.name != REPORT_COMMAND]
+        steps.sort(key=lambda step: step.text == REPEAT_TEXT)  # it follows the steps of all answers
+        return tuple(dict.fromkeys(step.sentence for step in steps))
 
     @property
     def drawings(self) -> tuple[Drawing, ...]:

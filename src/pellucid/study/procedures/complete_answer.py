@@ -12,6 +12,7 @@ from ...files.cut import sound_samples
 from ...files.defects import gaps as gap_defect
 from ...models.estimates import rank_verdicts
 from ..answer import (
+    REPEAT_TEXT,
     REPORT_COMMAND,
     WORN_TOGETHER,
     Answer,
@@ -29,9 +30,6 @@ from .result import Result
 
 REPORT_STEP = Step("Draw the page", REPORT_COMMAND)
 """Step after every result: nothing was drawn yet."""
-
-REPEAT_TEXT = "Then repeat the analysis"
-"""Words of the last step after a no or "cannot say" whose other steps have no command."""
 
 FURTHER_TEXT = "Run the other analyses of study.toml"
 """Words of the step that names an analysis which has no result yet."""
@@ -134,9 +132,10 @@ def _steps(study: Study, found: Result, answer: Answer, beside: Collection[str])
         text = f"Confirm the assumption ({scales}): correct the line in study.toml, and remove its [[assumed]] table"
         recorded = first if answer.verdict == "yes" else ()
         return (Step(f"{text}; then", "check"), *recorded, *further, REPORT_STEP)
-    repeat = (Step(REPEAT_TEXT, typed_command(found.command)),) if answer.verdict != "yes" and found.command else ()
-    commands = repeat if not any(step.command for step in steps) else ()
-    return (*first, *further, REPORT_STEP, *steps[len(first) :], *commands)
+    is_named = any(step.command or "`pellucid " in step.text for step in steps)
+    is_open = answer.verdict != "yes" and found.command and not is_named
+    repeat = (Step(REPEAT_TEXT, typed_command(found.command)),) if is_open else ()
+    return (*first, *further, REPORT_STEP, *steps[len(first) :], *repeat)
 
 
 def _without_result(study: Study, found: Result, beside: Collection[str]) -> Iterator[str]:
