@@ -16,9 +16,11 @@ from pellucid.people.study import assessment_answer
 from pellucid.people.study.assessment_result import Assessed, Certified, Sensitivity
 from pellucid.people.study.certified import _people_needed_beyond
 from pellucid.people.study.certified_rows import _why_undecided, deciding_end_point, is_decided_by_people
+from pellucid.people.study.primary_change import PrimaryChange
 from pellucid.people.study.statements import _filter_verdicts, unsettled_shares
 from pellucid.study.answer import Answer, AnswerPart, Step, unanswered_message
 from pellucid.study.pages.page import Page, write_page
+from pellucid.study.pages.values import plain_text
 from pellucid.units import COORDINATES_BY_UNIT
 
 MEASURED = SimpleNamespace(is_simulated=False, rig_file="")
@@ -371,3 +373,16 @@ def test_the_share_that_never_settled_has_one_rounding():
     settling = [SimpleNamespace(condition="FC", curve=SimpleNamespace(cut=0.2578)),
                 SimpleNamespace(condition="Ctrl", curve=SimpleNamespace(cut=0.0))]  # fmt: skip
     assert unsettled_shares(settling) == ["25.8 % in FC"]
+
+
+def test_a_change_of_which_only_a_bound_is_known_says_why(monkeypatch):
+    """It said "95 % CI not known"."""
+    change = PrimaryChange(422.0, np.nan, np.nan, "%", True)
+    monkeypatch.setattr(assessment_answer, "known_changes", lambda found, name: {"FC": change})
+    each = compared([[1.0, 2.0, 1.1, 0.9], [1.0, 3.0, 0.9, 1.2]])
+    found = SimpleNamespace(
+        assessed={leading_index().name: each}, confidence=0.95, study="s", control="Ctrl", participants=("a", "b"),
+        settling=(),
+    )  # fmt: skip
+    said = plain_text(assessment_answer._changes_text(found))
+    assert "FC at least +422 % (lower bound: some movements never settled)" in said

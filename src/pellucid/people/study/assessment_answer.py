@@ -427,6 +427,10 @@ def _numbers(found: AssessmentResult) -> list[AnswerNumber]:
     return made
 
 
+LOWER_BOUND = "lower bound: some movements never settled"
+"""What stands in place of an interval where only a lower bound of a change is known."""
+
+
 def known_changes(findings: AssessmentResult, name: str) -> dict[str, PrimaryChange]:
     """Return the primary changes of an index from control, by condition."""
     changes = {c: primary_change(findings, name, c) for c in findings.conditions if c != findings.control}
@@ -450,8 +454,10 @@ def _changes_text(findings: AssessmentResult) -> str:
     level, parts = f"{100.0 * findings.confidence:g} % CI", []
     for condition, change in changes.items():
         shown = change_value(findings, name, condition, change)
-        ends = f"{change.interval} {change.unit}".replace("-", MINUS_SIGN) if change.interval else "not known"
-        parts.append(f"{condition} {shown} {change.unit} ({level} {ends})")
+        ends = f"{level} {change.interval} {change.unit}".replace("-", MINUS_SIGN) if change.interval else (
+            LOWER_BOUND if change.at_least else f"{level} not known"
+        )
+        parts.append(f"{condition} {shown} {change.unit} ({ends})")
     words = each.table.index.words
     people = f"{len(findings.participants)} {'people' if len(findings.participants) != 1 else 'person'}"
     return f"{words} against {findings.control}, {people}: {', '.join(parts)}.{_cut_text(findings)}"
