@@ -428,7 +428,7 @@ def _numbers(found: AssessmentResult) -> list[AnswerNumber]:
 
 
 LOWER_BOUND = "lower bound: some movements never settled"
-"""What stands in place of an interval where only a lower bound of a change is known."""
+"""Words instead of an interval where only a lower bound of a change is known."""
 
 
 def known_changes(findings: AssessmentResult, name: str) -> dict[str, PrimaryChange]:
