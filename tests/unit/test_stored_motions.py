@@ -45,7 +45,7 @@ def test_a_span_of_a_stored_channel_is_read_alone(monkeypatch):
     assert isinstance(arrays, StoredArrays)
     channel = store._store(Channel("x", samples, "rad", "x"))
     whole = ChannelStore.read
-    monkeypatch.setattr(ChannelStore, "read", lambda self, start, shape: read.append(shape) or whole(self, start, shape))
+    monkeypatch.setattr(ChannelStore, "read", lambda store, *at: read.append(at[1]) or whole(store, *at))
     for span in (slice(10, 20), slice(99_990, None), slice(5, 50, 3), slice(20, 10)):
         np.testing.assert_array_equal(channel.within(span).samples, samples[span])
     assert max(n for (n,) in read) < 100
