@@ -88,9 +88,10 @@ def motor_unit_noise(
     if size % 2 == 0:
         weight[-1] = 1.0
     shape /= np.sqrt(np.sum(weight * shape**2) / size)
-    spectrum = rfft(rng.standard_normal((channels, size)), axis=1, overwrite_x=True)
-    spectrum *= shape
-    return irfft(spectrum, size, axis=1, overwrite_x=True)[:, :n]
+    noise = rng.standard_normal((channels, size))
+    for row in noise:  # one channel after another, because a spectrum takes as much memory as its noise
+        row[:] = irfft(rfft(row) * shape, size, overwrite_x=True)
+    return noise[:, :n]
 
 
 def _pieces(n: int) -> Iterator[slice]:

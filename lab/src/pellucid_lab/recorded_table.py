@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,9 @@ MARKER_STREAM = "markers"
 
 COUNT_TEXT = "%d"
 """Format of a whole number."""
+
+PART_ROW_COUNT = 1 << 14
+"""Number of rows whose text is made at a time, so that the text of a file is never in memory as a whole."""
 
 FIXED_TEXT = re.compile(r"%(?:d|\.(\d{1,2})f)")
 """Formats of whole numbers, and of numbers with so many decimals, which the core writes."""
@@ -59,20 +62,23 @@ class StoredTable:
     @property
     def text(self) -> str:
         """Return the text of the CSV file."""
-        heads = ",".join(column.name for column in self.columns)
-        return f"{self.comment}{heads}\n{self._rows}"
+        return b"".join(self.parts).decode("utf-8")
 
     @property
-    def _rows(self) -> str:
-        """Return the text of the rows. A missing sample is an empty cell."""
+    def parts(self) -> Iterator[bytes]:
+        """Yield the text of the CSV file, `PART_ROW_COUNT` rows at a time. A missing sample is an empty cell."""
+        heads = ",".join(column.name for column in self.columns)
+        yield f"{self.comment}{heads}\n".encode()
         formats = [FIXED_TEXT.fullmatch(column.text) for column in self.columns]
-        if all(formats):
-            decimals = np.array([int(found[1] or 0) for found in formats if found])
-            values = np.where(decimals == 0, np.trunc(self.values), self.values)
-            return _core.number_rows(values, decimals).decode("ascii")
+        decimals = np.array([int(found[1] or 0) for found in formats if found])
         row = ",".join(column.text for column in self.columns) + "\n"
-        body = (row * len(self.values)) % tuple(self.values.ravel().tolist())
-        return body.replace("nan", "") if np.isnan(self.values).any() else body
+        for first in range(0, len(self.values), PART_ROW_COUNT):
+            values = self.values[first : first + PART_ROW_COUNT]
+            if all(formats):
+                yield _core.number_rows(np.where(decimals == 0, np.trunc(values), values), decimals)
+                continue
+            body = (row * len(values)) % tuple(values.ravel().tolist())
+            yield (body.replace("nan", "") if np.isnan(values).any() else body).encode()
 
     @property
     def digest(self) -> str:

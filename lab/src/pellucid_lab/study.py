@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pellucid._atomic import write_text_atomically
+from pellucid._atomic import atomically, write_text_atomically
 from pellucid._given import read_given
 from pellucid.files.optical import AXES, OpticalRecording
 from pellucid.files.recording import Channel, Recording
@@ -79,7 +79,8 @@ def _record_and_write(folder, rig, name, seed, trials, threads, on_progress) -> 
         for recording, streams in taken.files.items():
             for stream, stored in streams.items():
                 names.append(file_name(recording, stream))
-                write_text_atomically(made_in / names[-1], stored.text)
+                with atomically(made_in / names[-1]) as file:
+                    file.writelines(stored.parts)
         return taken.noted, taken.duration
 
     trials = rig.trials(seed) if trials is None else trials

@@ -129,6 +129,11 @@ def interaction_rms(session: PointingSession, direction: int = 0) -> float:
     return float(np.mean(torques)) if torques else float("nan")
 
 
+def _interaction_both_ways(session: PointingSession) -> tuple[float, float]:
+    """Return the RMS interaction torque of the movements of a session upwards and downwards [N*m]."""
+    return interaction_rms(session, 1), interaction_rms(session, -1)
+
+
 def choose_exponents(
     rig: PointingPlant, cards: Cards, *, seed: int = TUNING_SEED, threads: int = 1
 ) -> tuple[tuple[float, float], dict[float, tuple[float, float]]]:
@@ -150,8 +155,8 @@ def choose_exponents(
         for person, rng in zip(people, np.random.default_rng(seed).spawn(TUNER_COUNT), strict=True):
             law = full_compensation(cards["dissociated"], person.slider(rig), exponents=(k, k))
             jobs.append((rig, person, "FC", law, rng, lifts))
-        sessions = simulate_sessions(jobs, threads=threads)
-        mean = (float(np.mean([interaction_rms(s, direction) for s in sessions])) for direction in (1, -1))
+        found = simulate_sessions(jobs, threads=threads, then=_interaction_both_ways)
+        mean = (float(np.mean(torque)) for torque in zip(*found, strict=True))
         torques[k] = tuple(np.inf if np.isnan(torque) else torque for torque in mean)
         tell_job_share(len(torques) / len(EXPONENT_CANDIDATES))
     return tuple(min(EXPONENT_CANDIDATES, key=lambda k: torques[k][i]) for i in (0, 1)), torques

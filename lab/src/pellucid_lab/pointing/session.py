@@ -15,6 +15,7 @@ from pellucid.controllers.supervisor_faults import NO_FAULT
 from pellucid.models.simulate import substeps_for
 from pellucid.people.movements import Kinematics, MovementRule, Stretch, kinematics
 
+from ..rig import Outcome
 from .load_learning import load_regressor, update_expected_load
 from .movement_choice import preferred_duration
 from .people import Person, parameter_names, person_model
@@ -269,14 +270,17 @@ def _supervisor_parameters(rig: PointingPlant, law: RobotLaw | None) -> np.ndarr
     return supervised(law, instruments=rig.robot.instruments, start_up=False).supervisor
 
 
-def simulate_sessions(jobs: Sequence[tuple], *, threads: int = 1) -> list[PointingSession]:
+def simulate_sessions(
+    jobs: Sequence[tuple], *, threads: int = 1, then: Callable[[PointingSession], Outcome] = lambda session: session
+) -> list[Outcome]:
     """Simulate several sessions in threads; each job holds the arguments of `simulate_session`.
 
-    Threads help because the core releases Python's lock while it moves an arm.
+    The result holds what the function `then` returns for each session. Threads help because the core releases Python's
+    lock while it moves an arm.
     """
     if threads <= 1:
-        return [simulate_session(*job) for job in jobs]
+        return [then(simulate_session(*job)) for job in jobs]
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(lambda job: simulate_session(*job), jobs))
+        return list(pool.map(lambda job: then(simulate_session(*job)), jobs))
