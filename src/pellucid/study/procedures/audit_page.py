@@ -37,7 +37,7 @@ MAX_PANELS = 12
 """The figure of all unsound channels shows at most this many."""
 
 DRAWN_FIRST = ("position", "velocity", *EFFORT_QUANTITIES, "emg")
-"""Quantities that a study is made of; the figure on the first screen shows their sound channels first."""
+"""Quantities that studies use; the figure on the first screen shows their sound channels first."""
 
 FIRST_PANELS = 3
 """The figure on the first screen shows at most this many channels."""
@@ -89,7 +89,7 @@ def first_channels(audit: Audit) -> Drawing:
 
 
 def _use(channel: LogChannel) -> tuple[int, bool]:
-    """Return a key that sorts channels: what a study is made of first, a measurement before a command."""
+    """Return a key that sorts channels: those that studies use first, a measurement before a command."""
     kind = channel.quantity.kind
     place = DRAWN_FIRST.index(kind) if kind in DRAWN_FIRST else len(DRAWN_FIRST) + (not channel.is_measurement)
     return place, not channel.quantity.can_be_measured
