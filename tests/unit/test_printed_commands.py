@@ -121,9 +121,10 @@ def test_a_page_does_not_ask_for_margins_that_are_stated(tmp_path, monkeypatch):
     )
     pasted("pellucid assess first && pellucid report first")
     page = (tmp_path / "first" / "report" / "index.html").read_text(encoding="utf-8")
-    (step,) = re.findall(r'<li class="step">(.*?)</li>', page, re.DOTALL)
+    step, again = re.findall(r'<li class="step">(.*?)</li>', page, re.DOTALL)
     assert "with two or more participants" in step
     assert "assessment.margins" not in step
+    assert "<code>pellucid assess first</code>" in again
 
 
 def test_a_report_names_the_folder_as_it_is_given_now(tmp_path, monkeypatch):
