@@ -164,7 +164,7 @@ void note(IncidentState<S>& state, const IncidentMemory& memory, const Supervise
   const std::uint32_t places = record_places<L>(memory);
   IncidentRing r = ring_of(state);
   if (places == 0 || (r.alive.word != incident_alive && r.alive.twin != ~incident_alive)) return;
-  const bool sound = is_whole(r.alive) && is_whole(r.decimation) && is_whole(r.after) && r.decimation.word >= 1 &&
+  const bool sound = is_whole(r.alive) && is_whole(r.decimation) && is_whole(r.after) &&
                      r.slot < places && r.whole <= places && r.filled < r.decimation.word && r.left <= places &&
                      r.phase <= static_cast<std::uint32_t>(IncidentPhase::frozen) &&
                      (r.stop_slot < places || r.stop_slot == no_slot);
@@ -178,7 +178,7 @@ void note(IncidentState<S>& state, const IncidentMemory& memory, const Supervise
 
   const bool stopped = is_stopped(out.mode);
   const bool stops = stopped && r.stopped == 0;
-  if (!stopped && r.stopped != 0 && r.phase != static_cast<std::uint32_t>(IncidentPhase::recording)) detail::start_ring(r);
+  if (!stopped && r.phase != static_cast<std::uint32_t>(IncidentPhase::recording)) detail::start_ring(r);
   r.stopped = stopped ? 1 : 0;
 
   const WatchedPeriod<S> period{s.supervisor, s.controller.law.gate, s.state, state.before, read, back, now};
@@ -209,13 +209,12 @@ void note(IncidentState<S>& state, const IncidentMemory& memory, const Supervise
     detail::KeepNearest<S> keep{at + record_head_words + sample_words * record_samples<L>, r.filled == 0};
     walk_watches(period, next, keep);
 
-    const bool follows = r.phase == static_cast<std::uint32_t>(IncidentPhase::following);
-    if (stops && !follows) {
+    if (stops) {
       r.phase = static_cast<std::uint32_t>(IncidentPhase::following);
       r.stop_slot = r.slot;
       r.left = (r.after.word < places ? r.after.word : places - 1) + 1;
     }
-    if (++r.filled >= r.decimation.word || (stops && !follows)) {
+    if (++r.filled >= r.decimation.word || stops) {
       r.filled = 0;
       ++r.whole;
       r.slot = r.slot + 1 < places ? r.slot + 1 : 0;
@@ -330,13 +329,13 @@ void put_incident(const IncidentState<S>& state, const IncidentMemory& memory, c
                   std::uint32_t text_words, std::uint32_t total, Stream& to) noexcept {
   const IncidentRing r = ring_of(state);
   const std::uint32_t places = record_places<L>(memory);
-  const bool sound = places != 0 && r.slot < places && r.whole <= places;
+  const bool sound = r.slot < places && r.whole <= places;
   const std::uint32_t part = sound && r.filled != 0 ? 1 : 0;  // the record that is being written
   std::uint32_t whole = sound ? r.whole : 0;
   if (whole + part > places) whole = places - part;
-  const std::uint32_t first = whole <= r.slot ? r.slot - whole : r.slot + places - whole;
+  const std::uint32_t first = sound ? (r.slot + places - whole) % places : 0;
   const bool has_stop = sound && r.stop_slot < places;
-  const std::uint32_t stop = !has_stop ? no_slot : r.stop_slot >= first ? r.stop_slot - first : r.stop_slot + places - first;
+  const std::uint32_t stop = has_stop ? (r.stop_slot + places - first) % places : no_slot;
 
   to.word(incident_magic[0]);
   to.word(incident_magic[1]);
@@ -377,7 +376,7 @@ void put_incident(const IncidentState<S>& state, const IncidentMemory& memory, c
   const Samples<S> nothing{};
   put_supervisor(WatchedPeriod<S>{s.supervisor, s.controller.law.gate, s.state, state.before, nothing, {}, 0}, to);
   for (std::uint32_t k = 0; k < whole + part; ++k) {
-    const std::uint32_t place = first + k < places ? first + k : first + k - places;
+    const std::uint32_t place = (first + k) % places;
     for (std::size_t i = 0; i < record_words<L>; ++i) to.word(memory.words[place * record_words<L> + i]);
   }
 }

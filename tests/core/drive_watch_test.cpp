@@ -101,9 +101,108 @@ template <class S> void lone_readings() {
   check(p::can_give(watch, S(13)) && !p::can_give(watch, S(20)) && !p::can_give(watch, S(-20)), "what it can give");
 }
 
+/// A drive's watch in which only the surplus counts, on a joint that goes 1 rad in a period.
+template <class S> struct Account {
+  p::DriveWatchParams<S> params{};
+  p::DriveWatchState<S> state{};
+  Account() {
+    params.expected = 1;
+    params.cycles = 1000;
+    params.tolerance = S(0.5);
+    params.surplus = S(1e6);
+  }
+  /// Surplus after a reading of an effort that was not asked for.
+  S read(S given, S velocity = S(1)) {
+    check(p::step(params, state, given, velocity, S(1), true) == F::none, "no fault");
+    return state.surplus;
+  }
+};
+
+/// A reading that is outside alone waits until the next one agrees; energy that it would take is no credit.
+template <class S> void waiting_readings() {
+  Account<S> lone;
+  check(lone.read(S(4)) == S(0) && lone.read(S(0)) == S(0) && lone.read(S(0)) == S(0), "what nobody confirms is dropped");
+  Account<S> two;
+  check(two.read(S(4)) == S(0) && two.read(S(4)) == S(8) && two.read(S(4)) == S(12), "what the next confirms counts once");
+  Account<S> other;
+  other.state.surplus = other.state.inert_surplus = S(8);
+  check(other.read(S(-4)) == S(8) && other.read(S(2)) == S(10), "a first reading that takes energy lowers nothing");
+  Account<S> long_outside;
+  for (int k = 1; k <= 400; ++k)
+    check(long_outside.read(S(4)) == (k == 1 ? S(0) : S(4 * k)), "a drive that stays outside is counted in every period");
+}
+
+/// A second reading may be alone after a hundred others; sooner it counts at once.
+template <class S> void gaps_between_lone_readings() {
+  for (const int others : {0, 1, 49, 50, 98, 99, 100, 101, 150, 199, 200, 1000}) {
+    Account<S> spiky;
+    check(spiky.read(S(4)) == S(0), "the first is alone");
+    for (int k = 0; k < others; ++k) spiky.read(S(0));
+    const bool is_alone = others >= 100;
+    const S counted = others == 0 ? S(8) : S(4);
+    check(spiky.read(S(4)) == (is_alone ? S(0) : counted), "the second by its distance");
+    for (int k = 0; k < 99; ++k) spiky.read(S(0));
+    const S before = spiky.state.surplus;
+    check((spiky.read(S(4)) == before) == !is_alone, "and the third by the last that was alone");
+  }
+}
+
+/// What counts as outside: either side of the command, by the tolerance, by its change, and by what is still due.
+template <class S> void outside_of_a_command() {
+  for (const S way : {S(-1), S(1)}) {
+    for (const S side : {S(-1), S(1)}) {
+      const auto is_outside = [&](S given, S due, S late, S before) {
+        Account<S> one;
+        one.params.relative = S(0);
+        one.params.late = late;
+        p::ask(one.state, before);
+        p::ask(one.state, way * S(4));
+        one.state.due = due;
+        one.read(given, S(0));
+        check((one.state.outside == 1) == (one.state.agreed == 0), "a first reading outside is alone");
+        return one.state.outside == 1;
+      };
+      const S asked = way * S(4);
+      check(!is_outside(asked + side * S(0.5), asked, S(0), asked) && is_outside(asked + side * S(0.5078125), asked, S(0), asked), "the tolerance");
+      // Half of a difference of 3 is still due: 1.5.
+      const S due = asked + side * S(3);
+      check(!is_outside(asked + side * S(2), due, S(0.5), asked) && is_outside(asked + side * S(2.0078125), due, S(0.5), asked), "what is due");
+      check(!is_outside(asked - side * S(2), due, S(0.5), asked), "either way");
+      const S before = asked + side * S(2);
+      check(!is_outside(asked + side * S(2.5), asked, S(0), before) && is_outside(asked + side * S(2.5078125), asked, S(0), before), "its change");
+      check(!is_outside(asked + side * S(2.5), due, S(0.5), before), "the larger of both");
+    }
+  }
+}
+
+/// The largest effort that a reading may say, exactly; the inertia's account forgets and gives back.
+template <class S> void ends_of_readings() {
+  p::DriveWatchParams<S> watch;
+  watch.limit = S(8);
+  watch.tolerance = S(0.5);
+  watch.relative = S(0.25);
+  for (const S way : {S(-1), S(1)})
+    check(p::can_give(watch, way * S(10.5)) && !p::can_give(watch, way * S(10.5078125)), "limit and both tolerances");
+  Account<S> inert;
+  inert.params.inertia = S(2);
+  inert.params.forget = S(0.25);
+  inert.params.tolerance = S(100);
+  check(inert.read(S(3), S(1)) == S(3) && inert.state.inert_surplus == S(4), "with what it took");
+  check(inert.read(S(0), S(1)) == S(2.25) && inert.state.inert_surplus == S(3), "both are forgotten alike");
+  check(inert.read(S(0), S(0)) == S(1.6875) && inert.state.inert_surplus == S(1.25), "less what it gave back");
+}
+
 }  // namespace
 
 int main() {
+  waiting_readings<double>();
+  waiting_readings<float>();
+  gaps_between_lone_readings<double>();
+  gaps_between_lone_readings<float>();
+  outside_of_a_command<double>();
+  outside_of_a_command<float>();
+  ends_of_readings<double>();
+  ends_of_readings<float>();
   lone_readings<double>();
   lone_readings<float>();
   drive_readings<double>();

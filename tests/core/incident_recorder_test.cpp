@@ -199,6 +199,202 @@ void it_freezes_after_a_stop() {
   check(p::is_frozen(none.recorder), "at once");
 }
 
+/// The ring as documented, kept as a list of records that never ends: what a file must hold after any history.
+struct RingModel {
+  std::uint32_t places, decimation, after;
+  std::vector<std::uint32_t> records{};  // last period of each
+  std::uint32_t filled = 0, follow = 0;
+  std::size_t stop = ~std::size_t(0);
+  bool was_stopped = true, following = false, frozen = false;
+
+  void begin() {
+    records.clear();
+    filled = 0;
+    stop = ~std::size_t(0);
+    following = frozen = false;
+  }
+  void note(std::uint32_t beat, bool stopped) {
+    if (!stopped && (following || frozen)) begin();
+    const bool stops = stopped && !was_stopped;
+    was_stopped = stopped;
+    if (frozen) return;
+    if (filled == 0) records.push_back(beat);
+    records.back() = beat;
+    ++filled;
+    if (stops) {
+      following = true;
+      stop = records.size() - 1;
+      follow = (after < places ? after : places - 1) + 1;
+    }
+    if (filled != decimation && !stops) return;
+    filled = 0;
+    if (following && --follow == 0) frozen = true;
+  }
+  std::vector<std::uint32_t> kept() const {
+    const std::size_t n = records.size() < places ? records.size() : places;
+    return {records.end() - static_cast<std::ptrdiff_t>(n), records.end()};
+  }
+  std::uint32_t stop_place() const {
+    const std::size_t lost = records.size() - kept().size();
+    return stop == ~std::size_t(0) || stop < lost ? p::no_slot : static_cast<std::uint32_t>(stop - lost);
+  }
+};
+
+template <class Law, class State> std::vector<std::uint32_t> file_of(const State& recorder, const p::IncidentMemory& memory, const Law& law) {
+  std::vector<std::uint32_t> file;
+  p::write(recorder, memory, law, false, [&](std::uint32_t word) {
+    file.push_back(word);
+    return true;
+  });
+  return file;
+}
+
+/// Any history of stops and resets, for any memory, decimation and number of records after the stop.
+void any_history_of_stops() {
+  using L = Joint<double>;
+  Life<Joint, double> life(1);
+  life.run(5);
+  Random random(20261117);
+  constexpr std::size_t words = p::record_words<L>;
+  for (std::uint32_t places = 1; places <= 5; ++places)
+    for (std::uint32_t decimation = 1; decimation <= 4; ++decimation)
+      for (const std::uint32_t after : {0u, 1u, places - 1, places, 2 * places + 1}) {
+        std::vector<std::uint32_t> memory(places * words + 1, 0);
+        p::IncidentState<double> recorder;
+        p::start(recorder, decimation, after);
+        RingModel model{places, decimation, after};
+        bool stopped = true;
+        for (std::uint32_t beat = 1; beat <= 100; ++beat) {
+          if (random.uniform() < (stopped ? 0.12 : 0.06)) stopped = !stopped;
+          if (random.uniform() < 0.04) {
+            p::release(recorder);
+            model.begin();
+          }
+          p::SupervisorOutput<double> out{};
+          out.mode = stopped ? M::zero : M::running;
+          out.beat = beat;
+          p::note(recorder, {memory.data(), memory.size()}, life.law, {}, {}, 1000 * beat, out);
+          model.note(beat, stopped);
+          check(p::is_frozen(recorder) == model.frozen && recorder.damages == 0, "frozen as the list says");
+          if (beat % 3 != 0) continue;
+          const auto file = file_of(recorder, {memory.data(), memory.size()}, life.law);
+          const auto kept = model.kept();
+          check(file[7] == kept.size() && file[8] == model.stop_place(), "records and the place of the stop");
+          check(file[9] == decimation && file[10] == (model.frozen ? 2u : model.following ? 1u : 0u), "decimation and phase");
+          const std::size_t first = 32 + file[4] + file[5];
+          for (std::size_t i = 0; i < kept.size() && i < file[7]; ++i) check(file[first + i * words + 2] == kept[i], "the oldest first");
+        }
+        check(memory.back() == 0, "nothing beyond its memory");
+      }
+}
+
+/// Whatever the recorder's own numbers are, the file has the records from the oldest, and the stop among them.
+void any_place_of_the_ring() {
+  constexpr std::uint32_t places = 4;
+  constexpr std::size_t words = p::record_words<Joint<double>>;
+  Life<Joint, double> life(places, 3);
+  life.run(2);
+  for (std::uint32_t place = 0; place < places; ++place) life.memory[place * words + 2] = 100 + place;
+  for (std::uint32_t slot = 0; slot <= places; ++slot)
+    for (std::uint32_t whole = 0; whole <= places + 1; ++whole)
+      for (const std::uint32_t filled : {0u, 2u})
+        for (std::uint32_t stop = 0; stop <= places; ++stop) {
+          p::IncidentRing ring = p::ring_of(life.recorder);
+          ring.slot = slot, ring.whole = whole, ring.filled = filled, ring.stop_slot = stop;
+          p::put(life.recorder, ring);
+          std::vector<std::uint32_t> kept;
+          if (slot < places && whole <= places) {
+            const std::uint32_t part = filled != 0 ? 1 : 0, left = whole + part > places ? places - part : whole;
+            for (std::uint32_t i = 0; i < left + part; ++i) kept.push_back((slot + places - left + i) % places);
+          }
+          std::uint32_t found = p::no_slot;
+          for (std::uint32_t i = 0; i < kept.size(); ++i)
+            if (kept[i] == stop) found = i;
+          const auto file = file_of(life.recorder, life.words(), life.law);
+          check(file[7] == kept.size() && file[8] == found, "as many, and the stop");
+          const std::size_t first = 32 + file[4] + file[5];
+          for (std::size_t i = 0; i < kept.size() && i < file[7]; ++i) check(file[first + i * words + 2] == 100 + kept[i], "in their order");
+        }
+}
+
+/// Every word of a record before its watches, of a law with several sensors, for samples of all kinds.
+void every_word_of_a_record() {
+  using L = Transparent<float>;
+  constexpr std::size_t sensors = p::sensor_count<L>, words = p::record_words<L>;
+  Life<Transparent, float> life(3);
+  Random random(20261118);
+  for (int k = 0; k < 200; ++k) {
+    if (k > 100) p::release(life.recorder);
+    const std::uint32_t place = life.recorder.slot;
+    p::Samples<float> asked;
+    p::Feedback<float> fed;
+    life.step([&](auto& read, auto& back) {
+      for (std::size_t i = 0; i < sensors; ++i) read[L::sensors[i].quantity].valid = random.uniform() < 0.7;
+      for (std::size_t i = 0; i < sensors; ++i) read[L::sensors[i].quantity].time -= static_cast<std::int64_t>(random.uniform(-3000, 3000));
+      back.drive.valid = random.uniform() < 0.5;
+      back.joint.valid = random.uniform() < 0.5;
+      back.joint.sequence += 7;
+      if (k == 100) read.position.value = 1e30f;
+      asked = read;
+      fed = back;
+    });
+    const std::uint32_t* at = life.memory.data() + place * words;
+    const std::uint32_t said = at[3];
+    check(at[2] == life.out.beat && (said & 0xff) == static_cast<std::uint32_t>(life.out.mode) &&
+              (said >> 8 & 0xff) == static_cast<std::uint32_t>(life.out.fault) && said >> 16 == (life.out.enable ? 1u : 0u),
+          "what was said");
+    for (std::size_t i = 0; i < sensors + 2; ++i) {
+      const p::Sample<float>& one = i < sensors ? asked[L::sensors[i].quantity] : i == sensors ? fed.drive : fed.joint;
+      float value;
+      std::memcpy(&value, &at[6 + 3 * i], sizeof value);
+      check(value == one.value && static_cast<std::int32_t>(at[7 + 3 * i]) == life.now - one.time && at[8 + 3 * i] == one.sequence, "a sample");
+      check((at[5] >> i & 1) == (one.valid ? 1u : 0u), "whether it is valid");
+    }
+    check(at[5] >> (sensors + 2) == 0, "of no other sample");
+  }
+  check(p::fault_of(life.law.state) != F::none, "a fault, too");
+  const auto file = file_of(life.recorder, life.words(), life.law);
+  for (std::uint32_t i = 0; i < p::log_length; ++i) {
+    const p::LoggedFault one = p::logged(life.law.state, i);
+    check(file[16 + 2 * i] == one.step && (file[17 + 2 * i] & 0xff) == static_cast<std::uint32_t>(one.mode) &&
+              file[17 + 2 * i] >> 8 == static_cast<std::uint32_t>(one.fault),
+          "the log of faults");
+  }
+}
+
+/// Numbers of a start that make no sense are brought to those that do.
+void any_decimation() {
+  for (const std::uint32_t asked : {0u, 1u, 2u, p::max_decimation - 1, p::max_decimation, p::max_decimation + 1, 0xffffffffu}) {
+    p::IncidentState<double> recorder;
+    p::start(recorder, asked, 3);
+    const std::uint32_t wanted = asked == 0 ? 1 : asked > 1000000 ? 1000000 : asked;
+    check(recorder.decimation.word == wanted && recorder.after.word == 3 && recorder.stopped == 1, "from 1 to a million periods");
+  }
+  std::uint32_t word = 0;
+  using L = Joint<double>;
+  check(p::record_places<L>({&word, std::numeric_limits<std::size_t>::max()}) == 0x7fffffffu, "as many as 31 bits count");
+  for (std::size_t n = 1; n < 5; ++n)
+    check(p::record_places<L>({&word, n * p::record_words<L>}) == n && p::record_places<L>({&word, (n + 1) * p::record_words<L> - 1}) == n, "whole records");
+}
+
+/// A recorder of which one word says that it was started records on; one of which neither does never was.
+void words_of_a_start() {
+  for (const bool word : {false, true})
+    for (const bool twin : {false, true}) {
+      Life<Joint, double> life(4);
+      life.run(10);
+      for (p::IncidentRing* one : {static_cast<p::IncidentRing*>(&life.recorder), &life.recorder.copy[0]}) {
+        if (word) one->alive.word ^= 1u;
+        if (twin) one->alive.twin ^= 1u;
+      }
+      const auto memory = life.memory;
+      life.step();
+      check(life.recorder.damages == (word != twin ? 1u : 0u), "one that was started is found damaged");
+      check((life.memory == memory) == (word && twin), "one that never was records nothing");
+      check(life.recorder.whole == (word == twin ? 4u : 1u), "damage begins anew");
+    }
+}
+
 void a_reset_begins_anew() {
   Life<Joint, double> life(8, 1, 2);
   life.run(100);
@@ -317,6 +513,13 @@ void numbers_that_are_none() {
   const double just_above = 1.5 * static_cast<double>(std::numeric_limits<float>::max());
   check(p::detail::word_float(p::detail::float_word(just_above)) == std::numeric_limits<float>::max(), "just above a float");
   check(p::detail::word_float(p::detail::float_word(-1e300)) == -std::numeric_limits<float>::max(), "smaller");
+  for (const double share : {0.25, 0.75, 1.0, 1.25, 1.75, 2.5, 1e9})
+    for (const double way : {-1.0, 1.0}) {
+      const double most = static_cast<double>(std::numeric_limits<float>::max());
+      const float wanted = static_cast<float>(way * (share < 1 ? share * most : most));
+      check(p::detail::word_float(p::detail::float_word(way * share * most)) == wanted, "at most the largest float");
+    }
+  check(p::detail::word_float(p::detail::float_word(never)) == std::numeric_limits<float>::infinity(), "infinite upwards");
   check(p::detail::word_float(p::detail::float_word(-never)) == -std::numeric_limits<float>::infinity(), "infinite");
   const float nothing = p::detail::word_float(p::detail::float_word(nan));
   check(!(nothing == nothing), "none");
@@ -326,6 +529,23 @@ void numbers_that_are_none() {
   check(!p::detail::is_nearer(1, 4, -3, 4, B::size) && p::detail::is_nearer(1, 4, -3, 4, B::above), "size of the other");
   check(p::detail::is_nearer(1, 2, 3, 8, B::above) && !p::detail::is_nearer(3, 8, 1, 2, B::above), "by share");
   check(p::detail::is_nearer(1, 2, 3, 2, B::below) && !p::detail::is_nearer(3, 2, 1, 2, B::below), "below");
+  check(!p::detail::is_nearer(1, 2, 2, 4, B::above) && !p::detail::is_nearer(2, 4, 1, 2, B::above), "the first of two that are as near");
+  check(!p::detail::is_nearer(1, 2, 3, 4, B::below) && !p::detail::is_nearer(3, 4, 1, 2, B::below), "below, too");
+  check(p::detail::is_nearer(1, 3, 1, 2, B::below) && !p::detail::is_nearer(1, 2, 1, 3, B::below), "by each one's threshold");
+  check(p::detail::is_nearer(0.5f, 2, 3, 4, B::below) && !p::detail::is_nearer(3, 4, 0.5f, 2, B::below), "further beyond");
+  check(p::detail::is_nearer(5, 4, 4, 2, B::below) && !p::detail::is_nearer(4, 2, 5, 4, B::below), "nearer on this side");
+  for (const B bound : {B::size, B::above, B::below}) {
+    p::Watch watch{};
+    watch.bound = bound;
+    std::uint32_t kept[2];
+    const auto keep = [&](bool begins, float value, float threshold) {
+      p::detail::KeepNearest<float>{kept, begins}.keep({value, threshold, watch});
+      return p::detail::word_float(kept[0]);
+    };
+    check(keep(true, -7, far) == -7 && keep(false, -3, 4) == -3, "the first that watches takes the place of one that does not");
+    check(keep(false, -9, far) == -3 && keep(true, 1, 4) == 1, "one that does not watch takes no place; the first one does");
+  }
+  check(!p::detail::is_nearer(0, 1, 0, 1, B::size) && !p::detail::is_nearer(-2, 4, 1, 2, B::size), "sizes that are as near");
   check(p::detail::is_nearer(none, 1, 5, 1, B::above) && !p::detail::is_nearer(5, 1, none, 1, B::above), "NaN is beyond");
   check(!p::detail::is_nearer(9, far, 0, 1, B::above), "does not watch");
   check(p::age_of(5, 3) == 2 && p::age_of(3, 5) == -2, "ages");
@@ -439,6 +659,32 @@ void damage_at_each_bound() {
     life.step();
     check(life.recorder.damages == 1, "a pair that differs is found, too");
   }
+}
+
+/// What is not known any more is the shortest record, and half of the memory after a stop; a stop that was found stays.
+void what_damage_leaves() {
+  for (const auto pair : {&p::IncidentRing::decimation, &p::IncidentRing::after}) {
+    Life<Joint, double> life(6, 3, 5);
+    life.run(30);
+    for (p::IncidentRing* one : {static_cast<p::IncidentRing*>(&life.recorder), &life.recorder.copy[0]}) (one->*pair).word ^= 8u;
+    life.step();
+    check(life.recorder.damages == 1 && life.recorder.decimation.word == 1 && life.recorder.after.word == 3, "begins with what is safe");
+  }
+  Life<Joint, double> known(6, 3, 5);
+  known.run(30);
+  damage(known.recorder, known.recorder.copy, &p::IncidentRing::slot, 9);
+  known.step();
+  check(known.recorder.damages == 1 && known.recorder.decimation.word == 3 && known.recorder.after.word == 5, "with what is known");
+  damage(known.recorder, known.recorder.copy, &p::IncidentRing::slot, 9);
+  known.step();
+  check(known.recorder.damages == 2, "each is counted");
+  Life<Joint, double> following(6, 1, 4);
+  following.run(30);
+  p::stop(following.law);
+  following.run(2);
+  damage(following.recorder, following.recorder.copy, &p::IncidentRing::left, 0);
+  following.step();
+  check(p::is_frozen(following.recorder) && following.recorder.damages == 0, "none left to follow: frozen");
 }
 
 /// No single bit of a recorder's own numbers that is lost forgets the record of a stop.
@@ -581,6 +827,11 @@ void texts_end_on_words() {
 int main() {
   texts_end_on_words();
   a_record_holds_its_period();
+  any_history_of_stops();
+  any_place_of_the_ring();
+  every_word_of_a_record();
+  any_decimation();
+  words_of_a_start();
   decimation_keeps_what_came_nearest();
   no_memory_is_off();
   it_freezes_after_a_stop();
@@ -598,6 +849,7 @@ int main() {
   a_place_beyond_the_memory();
   the_range_of_positions();
   damage_at_each_bound();
+  what_damage_leaves();
   every_bit_of_a_frozen_recorder();
   damaged_memory();
   a_file();

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <initializer_list>
+#include <limits>
 
 namespace p = pellucid;
 
@@ -46,6 +47,49 @@ template <class S> void rates() {
   check(p::coefficients(p::RateWatchParams<S>{1000000, S(0.2)}, S(0.01)).valid == 0, "no longer than 32 bits of time");
 }
 
+/// The mean of exactly as many periods as stated, held to both ends of the tolerance, which it may touch.
+template <class S> void means() {
+  const auto c = p::coefficients(p::RateWatchParams<S>{64, S(0.25)}, S(0.001));
+  const auto found_at = [&](std::int64_t interval) {
+    p::RateWatchState s;
+    for (int k = 0; k <= 1000; ++k)
+      if (p::step(c, s, k * interval) != F::none) return k;
+    return 0;
+  };
+  check(found_at(500) == 64 && found_at(749) == 64, "a quick task after as many periods as the mean has");
+  check(found_at(750) == 0 && found_at(1250) == 0, "a quarter less or more is within the tolerance");
+  check(found_at(1251) == 64 && found_at(1252) == 64, "what is beyond it is not");
+  check(found_at(2000) == 41, "a slow task as soon as it is beyond the time of all");
+  p::RateWatchState s;
+  for (int k = 0; k <= 64; ++k) check(p::step(c, s, k * 1000) == F::none && s.count == (k < 64 ? unsigned(k) : 0u), "begins anew");
+  const auto usual = p::coefficients(p::RateWatchParams<S>{200}, S(0.001));
+  const auto said = [&](std::int64_t interval) {
+    p::RateWatchState each;
+    for (int k = 0; k < 1000; ++k)
+      if (p::step(usual, each, k * interval) != F::none) return true;
+    return false;
+  };
+  check(!said(850) && !said(1150) && said(750) && said(1250), "the usual tolerance is a fifth");
+  p::RateWatchState late;
+  p::step(c, late, 0);
+  check(p::step(c, late, std::numeric_limits<std::int64_t>::max()) == F::rate, "as late as a clock can be");
+}
+
+/// Numbers of which none or no whole time can be made are not valid, and nothing is watched.
+template <class S> void senseless() {
+  const auto valid = [](std::uint32_t samples, S tolerance, S period) {
+    const auto c = p::coefficients(p::RateWatchParams<S>{samples, tolerance}, period);
+    check(c.valid != 0 || (c.samples == 0 && c.least == 0 && c.most == 0), "what is not valid watches nothing");
+    return c.valid != 0;
+  };
+  const S nan = std::numeric_limits<S>::quiet_NaN();
+  check(valid(100, S(0.25), S(0.001)) && valid(0, S(0.25), S(0.001)), "valid");
+  check(!valid(100, S(-0.5), S(0.001)) && !valid(100, S(1.5), S(0.001)) && !valid(100, nan, S(0.001)), "a tolerance is a share");
+  check(!valid(100, S(0.25), S(-0.001)) && !valid(100, S(0.25), nan), "a period is positive");
+  check(valid(1599, S(0.25), S(1)) && !valid(1600, S(0.25), S(1)), "with the tolerance it is less than 2000 s");
+  check(valid(1999, S(0), S(1)) && !valid(2000, S(0), S(1)), "without one, too");
+}
+
 void clocks() {
   const std::int64_t turn = std::int64_t(1) << 32;
   for (const std::int64_t low : {std::int64_t(0), -turn / 2}) {
@@ -72,6 +116,10 @@ void clocks() {
 int main() {
   rates<double>();
   rates<float>();
+  means<double>();
+  means<float>();
+  senseless<double>();
+  senseless<float>();
   clocks();
   return failures();
 }

@@ -112,6 +112,8 @@ template <class S> void velocity() {
     };
     gate.step(S(1), at, S(0));
     check(moved(more, S(4)) == F::none, "at the limit by the estimate");
+    gate.s.position = at = S(0);
+    check(moved(whole, S(9)) == F::none, "at the limit by the way");
     check(moved(S(0), S(9)) == F::none && moved(whole * S(0.9375), S(9)) == F::none, "an estimate that overshoots");
     check(moved(-whole * S(0.9375), S(9)) == F::none, "either way");
     check(moved(more, S(4.015625)) == F::velocity, "beyond by both");
@@ -121,6 +123,21 @@ template <class S> void velocity() {
     gate.s.position = at;
     check(moved(more, S(-4.015625)) == F::velocity, "whatever the sign of the estimate");
   }
+}
+
+/// The first fault is the one that is said, however fast the joint is then.
+template <class S> void first_fault() {
+  const S nan = std::numeric_limits<S>::quiet_NaN();
+  Gate<S> gate;
+  gate.step(S(1), S(0));
+  gate.step(S(1), S(1), nan);
+  check(gate.s.fault == F::not_finite, "an estimate that is no number");
+  gate.step(S(1), S(-1), S(99));
+  check(gate.s.fault == F::not_finite, "stays the fault");
+  p::reset(gate.s);
+  gate.step(S(1), S(0), S(0));
+  gate.step(S(1), S(1), S(99), false);
+  check(gate.s.fault == F::not_finite, "a sample that is none says nothing of the speed");
 }
 
 template <class S> void stops() {
@@ -176,6 +193,7 @@ template <class S> void all() {
   repeats<S>();
   effort<S>();
   velocity<S>();
+  first_fault<S>();
   stops<S>();
   broken<S>();
 }
