@@ -76,7 +76,7 @@ SafetyFault step(const EncoderWatchCoefficients<S>& c, EncoderWatchState<S>& s, 
   const S passed = steady ? c.period : S(1e-6) * static_cast<S>(static_cast<std::int32_t>(gap));
   const S rate = steady ? c.inverse_period : S(1) / passed;
   const S moved = at - s.position;
-  const S by_time = s.heard != 0 ? moved * rate : S(0), by_period = s.heard != 0 ? moved * c.inverse_period : S(0);
+  const S went = s.heard != 0 ? moved : S(0), by_time = went * rate, by_period = went * c.inverse_period;
   // Stamps may jitter about regular samples, or with them: the joint's inertia says which.
   const bool jitters = !steady && gap > c.micros / 2 && gap < c.micros + c.micros / 2;
   const S velocity = jitters && abs(by_period - s.velocity) < abs(by_time - s.velocity) ? by_period : by_time;

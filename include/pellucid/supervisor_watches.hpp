@@ -120,7 +120,7 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
   const S strays = drive_speaks ? w.back.drive.value - asked : S(0);
   const S allowed = may_stray(p.drive, drive);
   const SeenLateness<S> lateness = seen_lateness(w.c.delay, s.delay);
-  const bool is_outside = drive_watches && drive_speaks && !(size(strays) <= allowed);
+  const bool is_outside = drive_watches && !(size(strays) <= allowed);
 
   const bool tested = before == Mode::start_up && mode_of(s) != Mode::start_up && s.test.count > p.test.samples;
   const S wave = hardly_moved(p.test, s.test) ? s.test.work - s.test.middle : s.test.middle;

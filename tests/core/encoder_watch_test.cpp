@@ -191,6 +191,30 @@ template <class S> void jitter() {
   }
 }
 
+/// Of a stamp within half a period of the regular one, the velocity by time or by period counts: what is nearer to the last.
+template <class S> void either_velocity() {
+  const p::EncoderWatchParams<S> params;
+  const S moved = S(0.0078125), period = S(0.0010004);
+  int ties = 0;
+  for (const std::int64_t gap : {1, 250, 333, 499, 500, 501, 520, 777, 999, 1000, 1001, 1250, 1499, 1500, 1501, 2000, 2900, 3001})
+    for (int k = 0; k <= 40; ++k) {
+      Encoder<S> rig(params, S(0), period);
+      rig.read(S(0), 7000000);
+      const S by_time = moved * (S(1) / (S(1e-6) * static_cast<S>(gap))), by_period = moved * (S(1) / period);
+      const S last = k == 0 ? S(0.5) * (by_time + by_period) : S(0.75) * static_cast<S>(k - 10);
+      rig.s.velocity = last;
+      rig.read(moved, 7000000 + gap);
+      const bool near = gap > 500 && gap < 1500;
+      const bool nearer = std::fabs(by_period - last) < std::fabs(by_time - last);
+      ties += near && by_period - last == last - by_time;
+      check(rig.s.velocity == (gap == 1000 || (near && nearer) ? by_period : by_time), "by time or by period");
+    }
+  check(ties > 0, "some are as near as the other");
+  Encoder<S> first(params, S(0), period);
+  first.read(moved, 1001);
+  check(first.s.velocity == S(0), "the first reading has none");
+}
+
 /// A reading that is none, or was seen before, changes nothing.
 template <class S> void nothing_new() {
   p::EncoderWatchParams<S> params;
@@ -216,6 +240,7 @@ template <class S> void all() {
   clocks<S>();
   frozen<S>();
   jitter<S>();
+  either_velocity<S>();
   nothing_new<S>();
 }
 

@@ -226,9 +226,156 @@ void tests_and_probes() {
   }
 }
 
+/// Ages, silences and intervals: what each counts, in seconds or periods, beside when it is too much.
+void times_and_counts() {
+  Made m;
+  m.params.rate = {64, 0.25};
+  m.params.still.samples = 50, m.params.still.effort = 2;
+  m.make();
+  m.now = 9000, m.read.position.time = 6500;
+  shows(m, "sample_age", 2.5e-3, 0.005);
+  m.s.encoder.equal = 41;
+  shows(m, "encoder_still", 41, 150);
+  for (const M mode : {M::start_up, M::zero}) {
+    Made x = m;
+    x.before.mode = static_cast<std::uint32_t>(mode);
+    check(!watches(x, "encoder_still"), "no wave asks");
+  }
+  Made unasked = m;
+  unasked.params.still.effort = 0;
+  unasked.make();
+  check(!watches(unasked, "encoder_still"), "without a wave nothing is asked");
+  m.s.clock.last = 5000, m.s.clock.turned = 1000, m.s.rate.began = 2000, m.s.rate.count = 3;
+  shows(m, "rate", 0.004 - 3 * period, 1e-6 * m.c.rate.most - 64 * period);
+  check_close(shown(m, "rate").threshold, 0.25 * 64 * period, 2e-6, "a quarter of the time of all");
+  m.params.rate.samples = 0;
+  m.make();
+  check(!watches(m, "rate"), "no rate");
+  m.s.joint_silent = 2;
+  shows(m, "joint_silence", 2, 5);
+  for (const M mode : {M::running, M::degraded}) {
+    Made x;
+    x.before.mode = static_cast<std::uint32_t>(mode);
+    x.s.force.quiet = 7, x.s.muscle.quiet = 8;
+    for (const char* name : {"residual_lasting", "residual_push", "force_range", "force_silence", "muscle_range", "muscle_silence", "shaking", "probe_gain"})
+      check(watches(x, name), "a law that carries is watched");
+    shows(x, "force_silence", 7, x.params.force.quiet_samples);
+    shows(x, "muscle_silence", 8, x.params.muscle.quiet_samples);
+  }
+}
+
+/// Where an end of the range is open, the position itself is shown.
+void open_ranges() {
+  for (const bool upper : {false, true}) {
+    Made m;
+    (upper ? m.params.encoder.range_max : m.params.encoder.range_min) = upper ? never : -never;
+    m.make();
+    m.s.encoder.position = 3.5;
+    shows(m, "range", 3.5, never);
+  }
+}
+
+/// A drive's difference from what it can be asked for, and the energy beyond it, of a reading that counts.
+void drive_accounts() {
+  for (const S way : {-1.0, 1.0}) {
+    Made m;
+    m.params.drive.gain = 0, m.params.drive.offset = 0;
+    m.make();
+    m.before.drive.asked = m.before.drive.asked_before = way * 14;
+    m.before.drive.due = way * 10;
+    m.before.drive.surplus = m.before.drive.inert_surplus = 0.25;
+    m.back.drive.value = way * 11;
+    shows(m, "drive_difference", way, 3);
+    m.s.encoder.velocity = way * 2;
+    const S added = 2 * period;  // 1 N m beyond what it can be asked for, at 2 rad/s
+    check(shown(m, "drive_surplus").value > 0.25, "what it adds counts");
+    check_close(shown(m, "drive_surplus").value, (1 - m.c.params.drive.forget) * 0.25 + added, 1e-12, "by its energy");
+    check(shown(m, "drive_surplus").threshold == 0.75, "beside its limit");
+    for (const S none : {way * 13.1, way * 40}) {
+      Made x = m;
+      x.before.drive.silent = 2;
+      x.back.drive.value = none;
+      shows(x, "drive_surplus", 0.25, 0.75);
+      shows(x, "drive_silence", 3, 4);
+      check(!watches(x, "drive_difference"), "more than it can give is no reading");
+    }
+    Made old = m;
+    old.back.drive.sequence = 4;
+    shows(old, "drive_surplus", 0.25, 0.75);
+    Made unexpected = m;
+    unexpected.params.drive.expected = 0;
+    unexpected.make();
+    unexpected.back.drive.value = -way * 9;
+    shows(unexpected, "drive_surplus", 0.25, never);
+    shows(unexpected, "drive_outside", 0, never);
+  }
+}
+
+/// What an elastic period of the force sensor allows, and the second half of a wave at which the first hardly moved.
+void widened_limits() {
+  Made m;
+  m.s.body.contradiction = -2, m.s.body.open = 0.5, m.s.body.burst = 1, m.s.body.level = 0.25, m.s.body.excess = 6;
+  shows(m, "force_contradiction", -2, 3.5);
+  shows(m, "force_burst", 1, 5.25);
+  shows(m, "force_excess", 6, 7);
+  m.s.budget.spent = 4, m.s.ringing.size = 1.5, m.s.shaking.mean = 0.25, m.s.unexplained.energy = 0.5;
+  m.shown.pushed = 3, m.shown.power = -5;
+  shows(m, "budget_spent", 4, m.params.budget.store);
+  shows(m, "ringing", 1.5, m.c.ringing.limit);
+  shows(m, "shaking", 0.25, m.c.shaking.limit);
+  shows(m, "unexplained_energy", 0.5, 1.25);
+  shows(m, "push", 3, m.params.budget.push_limit);
+  shows(m, "power", -5, m.params.budget.power_limit);
+  const p::Unit unit = shown(m, "power").watch.unit;
+  check(unit.effort == 1 && unit.coordinate == 1 && unit.time == -1, "power is effort times speed");
+  m.before.mode = static_cast<std::uint32_t>(M::start_up);
+  m.s.test.count = 65;
+  m.s.test.work = 2.75, m.s.test.middle = 0.5;  // less than the least work of 1
+  shows(m, "test_work", 2.25, 3);
+  shows(m, "test_return", 2.25, 1);
+  m.s.test.middle = 1.5;
+  shows(m, "test_work", 1.5, 3);
+  Made late;
+  for (std::uint32_t k = 3; k < p::probe_sum_count; ++k) {
+    for (S& sum : late.s.probe.sum) sum = 4;
+    late.s.probe.sum[k] = 7;
+    shows(late, "probe_late", 7, late.params.probe.evidence);
+  }
+}
+
+/// What the next period needs of this one: effort and power of every second step, the state of each.
+void notes_of_a_period() {
+  for (const S way : {-1.0, 1.0})
+    for (const M mode : {M::running, M::degraded, M::zero, M::start_up}) {
+      Made m;
+      m.before.mode = static_cast<std::uint32_t>(mode);
+      m.before.drive.asked = way * 3, m.before.drive.asked_before = way * 2;
+      m.before.velocity = 1, m.s.encoder.velocity = 4, m.s.encoder.time = 77, m.s.encoder.heard = 2, m.s.drive_seen = 9;
+      m.s.body.weight = 1, m.s.body.drag = 0.25;
+      m.s.drive.asked = way * 5;
+      p::WatchedState<S> next;
+      next.pushed = 90, next.power = 91;
+      const bool carries = mode == M::running || mode == M::degraded;
+      for (const std::uint32_t steps : {2u, 3u}) {
+        m.s.steps = steps;
+        p::note_before(p::WatchedPeriod<S>{m.c, m.gate, m.s, m.before, m.read, m.back, m.now}, next);
+        const S pushed = std::fabs(way * 2.5 - (carries ? 1 : 0)) - 0.25;
+        check(next.pushed == (steps == 2 ? 90 : pushed), "the push of every second step");
+        check(next.power == (steps == 2 ? 91 : way * 2.5 * 2.5), "mean effort times mean velocity");
+        check(next.velocity == 4 && next.time == 77 && next.heard == 2 && next.drive_seen == 9 && next.drive.asked == way * 5, "its state");
+        check(next.mode == static_cast<std::uint32_t>(p::mode_of(m.s)), "and mode");
+      }
+    }
+}
+
 }  // namespace
 
 int main() {
+  times_and_counts();
+  open_ranges();
+  drive_accounts();
+  widened_limits();
+  notes_of_a_period();
   encoders();
   drives();
   people_and_sensors();
