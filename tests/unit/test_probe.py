@@ -116,6 +116,33 @@ def test_not_without_an_inertia():
         probe_numbers(math.nan, 1e-4, limit=10.0, period=0.001)
 
 
+@pytest.mark.parametrize("limit", [3.0, 5.0, 10.0, 40.0, 200.0])
+@pytest.mark.parametrize("speed", [0.5, 2.0, 8.0, 20.0, 60.0])
+def test_a_stuck_drive_gives_its_energy_on_the_way_that_is_left_to_it(limit, speed):
+    """Stuck at half of the limit it gives 4.6 J, unless the velocity limit makes 0.115 s or 0.24 s of way of it."""
+    travel = probe_numbers(INERTIA, 1e-5, limit=limit, period=1e-3, speed_limit=speed)["probe_travel"]
+    half = 0.5 * limit
+    if 0.115 * speed * half > 4.6:
+        assert travel == pytest.approx(0.115 * speed)
+    elif 0.24 * speed * half < 4.6:
+        assert travel == pytest.approx(0.24 * speed)
+    else:
+        assert half * travel == pytest.approx(4.6)
+
+
+def test_a_wave_that_nobody_feels_and_every_encoder_shows():
+    """Each wave accelerates the robot by 9 rad/s^2; a robot that is not heard may be given 4 J too much."""
+    numbers = probe_numbers(INERTIA, 1e-5, limit=40.0, period=1e-3)
+    assert numbers["probe_effort"] / INERTIA == pytest.approx(9.0)
+    assert numbers["probe_energy"] == 4.0  # a joule less than a wearer may be given
+    for inertia in (0.001, 0.01, 0.2):
+        numbers = probe_numbers(inertia, 1e-5, limit=40.0, period=1e-3)
+        fastest = 9.0 * math.sqrt(5.0) * 0.12 / (2.0 * math.pi * 5)
+        assert numbers["probe_moving"] == pytest.approx(max(0.1, 2.0 * fastest))
+    slow = probe_numbers(INERTIA, 1e-5, limit=20.0 * INERTIA * 2.3, period=1e-3)
+    assert slow["probe_moving"] == pytest.approx(max(0.1, 2.0 * 0.12 * 0.15 * 46.0 / (2.0 * math.pi * 5)))
+
+
 def test_answers_at_commissioning_are_the_supervisors_numbers():
     answer = (1.0, -0.1, 0.9, -0.2, 0.8, -0.3)
     s = probed(law(), probe_answer=answer).supervision

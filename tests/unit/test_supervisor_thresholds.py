@@ -227,6 +227,17 @@ def test_a_measured_drive_is_watched_for_being_late():
     assert slow["drive_delay"] == pytest.approx(12e-3 + PERIOD + 5e-3)
 
 
+@pytest.mark.parametrize(("period", "still"), [(2e-3, 250.0), (1e-3, 500.0), (5e-4, 1000.0), (3e-4, 1667.0)])
+def test_a_joint_that_rests_for_half_a_second_is_asked(period, still):
+    """By the wave of the start-up test, which moves the robot against its friction, also where there is no such test."""
+    law = joint(period=period, max_age=5.0 * period)
+    asked = thresholds(law, instruments=Instruments(probe=True, encoder_resolution=1e-5), start_up=False)
+    tested = thresholds(law, instruments=Instruments(encoder_resolution=1e-5))
+    assert (asked["still_samples"], asked["test_effort"]) == (still, 0.0)
+    assert (asked["still_effort"], asked["still_half_wave"]) == (tested["test_effort"], tested["test_samples"])
+    assert asked["still_half_wave"] == round(0.032 / period)
+
+
 def test_rates_that_a_slow_period_cannot_follow():
     assert thresholds(joint(period=0.4, max_age=2.0))["drive_delay_forget"] == pytest.approx(0.4)
     assert thresholds(joint(period=0.8, max_age=4.0))["drive_delay_forget"] == pytest.approx(0.25)
@@ -461,6 +472,13 @@ def card(**friction):
     )  # fmt: skip
 
 
+GATE = {
+    "effort_limit": 3.0, "rate_limit": 70.0, "velocity_limit": 4.0, "position_min": -0.7, "position_max": 1.3,
+    "stop_margin": 0.2, "max_age": 0.01, "max_repeats": 2.0, "period": 2e-3,
+}  # fmt: skip
+"""Numbers of a gate whose limits are stated; a sample may be five periods old and be seen twice again."""
+
+
 def test_limits_that_a_card_suggests():
     one = card(coulomb=0.4)
     body = joint_compensation.carried_body(one)
@@ -476,6 +494,8 @@ def test_limits_that_a_card_suggests():
     assert law.values["max_age"] == pytest.approx(5e-3)
     given = joint_compensation.compensation(one, limits=Limits(2.0), period=2e-3, friction_share=0.5)
     assert (given.values["period"], given.values["effort_limit"], given.values["friction_share"]) == (2e-3, 2.0, 0.5)
+    stated = joint_compensation.compensation(one, limits=Limits(3.0, 70.0, 4.0, (-0.7, 1.3), 0.2), period=2e-3).values
+    assert {name: stated[name] for name in GATE} == pytest.approx(GATE)  # what is stated is what the gate lets through
     with pytest.raises(PellucidError, match="found a place of a carriage"):
         joint_compensation.carried_body(one, 0.1)
     still = ModelCard(**vars(one) | {"velocity_range": 0.0})

@@ -948,7 +948,7 @@ def supervision_of(
         made |= probe_numbers(inertia, resolution, limit=effort, period=period, speed_limit=speed)
         made |= commissioned_answers(instruments.probe_answer)
         made |= {
-            "still_samples": max(2.0, round(STILL_S / period)),
+            "still_samples": round(STILL_S / period),
             "still_effort": wave.effort,
             "still_half_wave": float(wave.samples),
         }
