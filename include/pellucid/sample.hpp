@@ -65,9 +65,8 @@ constexpr std::size_t safety_fault_count = sizeof safety_fault_names / sizeof *s
 
 /// State of a clock of 32 bits, which turns over every 71.6 minutes.
 struct ClockState {
-  std::int64_t last = 0;      ///< its last time [us]
-  std::int64_t turned = 0;    ///< time of its turns so far [us]
-  std::uint32_t started = 0;  ///< 1: it was read
+  std::int64_t last = 0;    ///< its last time; from 0 no time of 32 bits is a turn [us]
+  std::int64_t turned = 0;  ///< time of its turns so far [us]
 };
 constexpr std::int64_t clock_turn = std::int64_t(1) << 32;
 
@@ -75,16 +74,15 @@ constexpr std::int64_t clock_turn = std::int64_t(1) << 32;
 constexpr bool is_short(std::int64_t time) noexcept { return time >= -(clock_turn / 2) && time < clock_turn; }
 /// Whether such a clock turned over between two times.
 constexpr bool has_turned(std::int64_t before, std::int64_t after) noexcept {
-  return is_short(before) && is_short(after) && before > after && before - after > clock_turn / 2;
+  return is_short(before) && is_short(after) && before - after > clock_turn / 2;
 }
 constexpr std::int64_t later_by(std::int64_t time, std::int64_t passed) noexcept {
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(time) + static_cast<std::uint64_t>(passed));
 }
 /// The time of a step on a clock that only goes on [us]: that of a clock of 64 bits as it is. Takes note of it.
 inline std::int64_t unwrapped(ClockState& s, std::int64_t now) noexcept {
-  if (s.started != 0 && has_turned(s.last, now)) s.turned = later_by(s.turned, clock_turn);
+  if (has_turned(s.last, now)) s.turned = later_by(s.turned, clock_turn);
   s.last = now;
-  s.started = 1;
   return later_by(now, s.turned);
 }
 /// The time of a sample that was taken before that step, on the same clock [us].

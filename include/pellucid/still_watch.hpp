@@ -53,7 +53,7 @@ template <class S> struct StillWatchState {
 /// The effort to add in this period [N m].
 template <class S> S wave(const StillWatchCoefficients<S>& c, const StillWatchState<S>& s) noexcept {
   const S made = s.amplitude * s.sine;
-  return abs(made) <= c.params.effort ? made : S(0);
+  return is_finite(made) ? clamp(made, -c.params.effort, c.params.effort) : S(0);
 }
 
 /// One period after `equal` readings in a row that did not change.

@@ -343,7 +343,7 @@ def _cpp_killer(mutant: Mutant, copy: Path) -> str:
         program = copy / test
         built = subprocess.run(
             [os.environ.get("CXX", "c++"), "-std=c++17", "-O0", "-w", "-ffp-contract=off", "-fno-exceptions",
-             "-fno-rtti",
+             "-fno-rtti", "-DEND_AT_FIRST_FAILURE",
              f"-I{copy / 'include'}", str(ROOT / "tests" / "core" / f"{test}_test.cpp"), "-o", str(program)],
             capture_output=True, text=True, check=False,
         )  # fmt: skip

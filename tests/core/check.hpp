@@ -1,23 +1,32 @@
-// The smallest test frame: check() prints what failed and where; main returns failures().
+// The smallest test frame: check() prints what failed and where; main returns failures(). With END_AT_FIRST_FAILURE the
+// first one ends the test, where only whether there is one counts.
 #pragma once
 
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 
 inline int& failures() {
   static int count = 0;
   return count;
 }
+/// Whether one more failure is to be printed.
+inline bool fails() {
+#ifdef END_AT_FIRST_FAILURE
+  std::_Exit(1);
+#endif
+  return ++failures() <= 20;
+}
 inline void check(bool holds, const char* what, int line = __builtin_LINE(), const char* file = __builtin_FILE()) {
   if (holds) return;
-  if (++failures() <= 20) std::printf("%s:%d: %s\n", file, line, what);
+  if (fails()) std::printf("%s:%d: %s\n", file, line, what);
 }
 template <class T> void check_close(T got, T wanted, T tolerance, const char* what, int line = __builtin_LINE(),
                                     const char* file = __builtin_FILE()) {
   if (std::fabs(got - wanted) <= tolerance) return;
-  if (++failures() <= 20)
+  if (fails())
     std::printf("%s:%d: %s: got %.17g, wanted %.17g\n", file, line, what, static_cast<double>(got),
                 static_cast<double>(wanted));
 }

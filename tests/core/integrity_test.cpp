@@ -20,9 +20,40 @@ void twins() {
   }
 }
 
+/// A word is what was put where either of the two still says so.
+void said_by_either() {
+  p::TwinWord word;
+  p::put(word, 0x5afe0001u);
+  for (const bool lost : {false, true})
+    for (const bool twin_lost : {false, true}) {
+      p::TwinWord one = word;
+      if (lost) one.word ^= 4u;
+      if (twin_lost) one.twin ^= 8u;
+      check(p::says(one, 0x5afe0001u) == !(lost && twin_lost), "one of the two is enough");
+      check(!p::says(one, 0x5afe0002u), "no other word is said");
+    }
+}
+
 template <std::size_t N> struct Words {
   std::uint32_t word[N];
 };
+
+/// What is kept three times is what two of three say, bit by bit; a seal is that of the same words.
+void votes_and_seals() {
+  Words<5> value, other;
+  Random random(8);
+  for (std::uint32_t& word : value.word) word = static_cast<std::uint32_t>(random.bits());
+  for (std::uint32_t& word : other.word) word = static_cast<std::uint32_t>(random.bits());
+  for (int lost = 0; lost < 3; ++lost) {
+    p::Thrice<Words<5>> kept;
+    p::put(kept, value);
+    kept.copy[lost] = other;
+    const Words<5> found = p::voted(kept);
+    for (int i = 0; i < 5; ++i) check(found.word[i] == value.word[i], "every word of the two that agree");
+  }
+  const p::ChecksumState sealed{p::checksum(value), p::checksum_start, 0};
+  check(p::is_sealed(sealed, value) && !p::is_sealed(sealed, other), "its own words and no others");
+}
 
 /// As many steps as a round over N words takes, and when a bit that was lost is found.
 template <std::size_t N> void rounds() {
@@ -88,6 +119,8 @@ int main() {
   quick_sums<31>();
   quick_sums<68>();
   twins();
+  said_by_either();
+  votes_and_seals();
   rounds<1>();
   rounds<7>();
   rounds<11>();

@@ -497,13 +497,13 @@ int main() {
   parameters<float>();
   waves<double>();
   waves<float>();
+  evidence();
+  learning();
+  travel();
   healthy<double>();
   healthy<float>();
   verdicts<double>();
   verdicts<float>();
-  evidence();
-  learning();
-  travel();
   commissioned<double>();
   commissioned<float>();
   no_numbers<double>();

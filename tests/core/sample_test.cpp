@@ -73,9 +73,38 @@ template <class S> void whole() {
   check(p::examine(any, s, old, std::numeric_limits<std::int64_t>::max() - 5) == F::none, "however old, without a limit");
 }
 
+/// A clock of 32 bits has turned where it went back by more than half of its range; one of 64 bits never does.
+void clocks() {
+  const std::int64_t half = std::int64_t(1) << 31, whole = std::int64_t(1) << 32;
+  const std::int64_t far = std::numeric_limits<std::int64_t>::max();
+  const std::int64_t times[] = {-far - 1, -whole, -2 * half - 1, -half - 1, -half, -half + 1, -1, 0, 1, half / 2, half - 1, half,
+                                half + 1, 3 * (half / 2), whole - 1, whole, whole + 1, 2 * whole, far};
+  for (const std::int64_t before : times)
+    for (const std::int64_t after : times) {
+      const bool are_short = before >= -half && before < whole && after >= -half && after < whole;
+      const bool turned = are_short && before - after > half;
+      check(p::has_turned(before, after) == turned, "a turn");
+      p::ClockState s;
+      check(p::unwrapped(s, before) == before && s.last == before, "the first time is as it is");
+      if (after < far - whole)
+        check(p::unwrapped(s, after) == after + (turned ? whole : 0), "the next goes on");
+      p::ClockState sampled;
+      p::unwrapped(sampled, after);
+      if (before > -far + whole) check(p::sampled_at(sampled, before) == before - (turned ? whole : 0), "a sample from before a turn");
+    }
+  // Around three times, in steps of a quarter: time only goes on, and each sample keeps its age.
+  p::ClockState s;
+  for (std::int64_t k = 0; k < 12; ++k) {
+    const std::int64_t now = p::unwrapped(s, (k * (half / 2)) % whole);
+    check(now == k * (half / 2), "as of a clock that never turns");
+    if (k > 0) check(p::sampled_at(s, ((k - 1) * (half / 2)) % whole) == (k - 1) * (half / 2), "and its samples");
+  }
+}
+
 }  // namespace
 
 int main() {
+  clocks();
   order();
   repeats();
   whole<double>();

@@ -54,6 +54,14 @@ template <class S> void all() {
     check(p::is_finite(s.forward) && p::is_finite(s.backward) && p::is_finite(s.mean), "no number is not remembered");
     check(p::step(c, s, S(8)) == F::none, "and what follows is judged anew");
   }
+  for (const S wrong : {nan, huge, -huge})
+    for (S p::ShakingWatchState<S>::*const lost : {&p::ShakingWatchState<S>::forward, &p::ShakingWatchState<S>::backward,
+                                                   &p::ShakingWatchState<S>::mean, &p::ShakingWatchState<S>::slow}) {
+      p::ShakingWatchState<S> broken;
+      broken.*lost = wrong;
+      p::step(c, broken, S(0));
+      check(broken.forward == S(0) && broken.backward == S(0) && broken.mean == S(0) && broken.slow == S(0), "whichever memory lost, all begins anew");
+    }
   const auto off = p::coefficients(p::ShakingWatchParams<S>{}, S(0.002));
   p::ShakingWatchState<S> s;
   for (int k = 0; k < 1000; ++k) check(p::step(off, s, k % 2 == 0 ? S(99) : S(-99)) == F::none, "without a limit: off");

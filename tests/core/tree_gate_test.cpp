@@ -125,6 +125,11 @@ void joint_faults() {
       check(rig.step(1, 1, 1) == F::velocity && rig.s.fault.joint == k, "beyond");
       rig.velocity[k] = 0;
       check(rig.step(9, 9, 9) == F::velocity && rig.s.output[0] == 0, "and stays");
+      Rig both;
+      both.step(1, 1, 1);
+      both.velocity[k] = way * 9;
+      both.place[k].value = nan;
+      check(both.step(1, 1, 1) == F::not_finite && both.s.fault.joint == k, "a sample that is none is said first");
       p::reset(rig.s);
       check(rig.step(1, 1, 1) == F::none && rig.s.output[0] == 1 && rig.s.sample[k].started, "until it is opened");
       rig.place[k].value = nan;
