@@ -3,6 +3,8 @@
 
 #include <pellucid/integrity.hpp>
 
+#include <initializer_list>
+
 namespace p = pellucid;
 
 namespace {

@@ -885,6 +885,51 @@ void lost_while_stopped() {
   }
 }
 
+/// A fault that was written down since this stop began is not written down again; one from before it is.
+void log_of_a_stop() {
+  for (const std::uint32_t held : {0u, 1u, 7u, 40u})
+    for (std::uint32_t ago = 0; ago <= 3 * held + 2; ++ago)
+      for (const F kind : {F::jump, F::stale}) {
+        State s;
+        p::go(s, M::zero, F::jump);
+        s.steps = 1000;
+        p::put(s.waited, p::ResetProgress{3, 3, held});
+        p::write_down(s.log, p::LoggedFault{1000 - ago, kind, M::zero});
+        p::stay_shut(s, F::jump);
+        const bool told = kind == F::jump && ago <= held;
+        check(p::faults_of(s) == (told ? 1u : 2u), "once in a stop");
+        const p::ResetProgress waited = p::voted(s.waited);
+        check(waited.healthy == 0 && waited.stopped == 0 && waited.held == held, "the way to a reset begins anew, what is held goes on");
+      }
+  // Another token, also where the numbers that it is made of give the same again.
+  for (std::uint32_t mixed = 1; mixed < 400; ++mixed) {
+    State s;
+    const std::uint32_t same = p::checksum_of(p::checksum_of(mixed, 0), 0x9e3779b9u) | 1u;
+    p::put(s.challenge, same);
+    s.steps = same ^ mixed;
+    p::restart_reset(s, 0);
+    check(s.challenge.word != same && s.challenge.word != 0 && p::is_whole(s.challenge), "another one");
+  }
+}
+
+/// What the probe hears of a command is what the drive can give of it, in both of the last two periods.
+void what_a_drive_can_give() {
+  Params r;
+  r.probe.effort = 0.5, r.probe.inertia = 0.05, r.probe.noise = 1e-3;
+  r.drive.late = 0;
+  for (const S limit : {1.0, never})
+    for (const S now : {-3.0, -0.5, 0.0, 0.75, 3.0})
+      for (const S last : {-5.0, -0.25, 0.5, 5.0}) {
+        r.drive.limit = limit;
+        Seen seen(r);
+        seen.starts(0);
+        seen.s.drive.asked = now, seen.s.drive.asked_before = last;
+        seen.at(0, 2);
+        const auto given = [limit](S asked) { return asked > limit ? limit : asked < -limit ? -limit : asked; };
+        check(seen.s.probe.due == 0.5 * (given(now) + given(last)), "the mean of both");
+      }
+}
+
 /// While a joint is held: whatever puts encoder or drive in doubt ends the hold, and so does a joint that gets faster.
 void doubts_in_a_hold() {
   Params r = held();
@@ -1062,6 +1107,8 @@ int main() {
   stops();
   no_reset_over_lost_memory();
   lost_while_stopped();
+  log_of_a_stop();
+  what_a_drive_can_give();
   doubts_in_a_hold();
   start_up();
   degraded();
