@@ -364,6 +364,31 @@ void power() {
 }
 
 /// Encoders and drives, joint by joint, in every period; a joint in doubt is noted, and the first fault is named.
+/// A bit that is lost of what says whether a joint is in doubt, or its drive without power, stops all, and that one counts.
+void bits_of_a_doubt() {
+  for (std::size_t k = 0; k < joints; ++k)
+    for (const bool released : {false, true})
+      for (const bool twin : {false, true})
+        for (const std::uint32_t bit : {1u, 0x40000000u}) {
+          Rig rig;
+          rig.run(4);
+          p::TwinWord& lost = released ? rig.state().joint[k].released : rig.state().joint[k].doubted;
+          (twin ? lost.twin : lost.word) ^= bit;
+          rig.run(1);
+          check(rig.fault() == F::integrity && p::fault_of(rig.law.state).joint == k, "found at once");
+          check(p::is_whole(lost) && lost.word == 1u, "the safer of both");
+          for (std::size_t j = 0; j < joints; ++j) {
+            check(p::is_whole(rig.state().joint[j].doubted) && p::is_whole(rig.state().joint[j].released), "whole");
+            check((rig.state().joint[j].doubted.word != 0) == (j == k && !released), "only what was lost is in doubt");
+          }
+          check(!rig.out.enable[k], "no power");
+          const std::uint32_t faults = p::faults_of(rig.state());
+          (twin ? lost.twin : lost.word) ^= bit;
+          rig.run(1);
+          check(p::faults_of(rig.state()) == faults && p::is_whole(lost), "mended in a stop, too");
+        }
+}
+
 void encoders_and_drives() {
   for (std::size_t k = 0; k < joints; ++k)
     for (const S way : {-1.0, 1.0}) {
@@ -1212,6 +1237,7 @@ int main() {
   configured();
   memory();
   power();
+  bits_of_a_doubt();
   encoders_and_drives();
   coupled_motors();
   slow_watches();

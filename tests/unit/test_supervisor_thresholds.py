@@ -672,6 +672,9 @@ def test_every_threshold_of_several_joints(robot):
     for k, watch in enumerate(weak.watches):
         assert watch["wearer_torque"] == pytest.approx(max(0.3, reach.coupled[k] * 8.0) + left[k])
         assert watch["outside_limit"] == pytest.approx(max(1.6, reach.coupled[k] * 40.0) + left[k])
+    slow = tree_laws.carried(robot, limits=(Limits(50.0, 100.0, 0.01, (-1.0, 1.0)),) * 4)
+    for watch in slow.watches:  # shares of the limit count where a joint's own acceleration needs less
+        assert (watch["wearer_torque"], watch["outside_limit"]) == pytest.approx((7.5, 40.0))
     strong = (Limits(100.0, 5000.0, 4.0, (-1.0, 1.0)),) * 4
     held = tree_laws.carried(robot, limits=strong)
     assert held.watches[0]["hold_limit"] == pytest.approx(1.5 * reach.weight[0] + reach.friction[0])
