@@ -201,7 +201,6 @@ template <class S> struct ProbeWatchState {
 /// A law's effort while its drive is not heard [N m]: as it is, until half of the energy is used that a wrong gain may
 /// add.
 template <class S> S bounded(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s, const S& effort) noexcept {
-  if (!(c.params.effort > S(0)) || !(c.params.energy < S(std::numeric_limits<S>::infinity()))) return effort;
   const S left = S(2) * (c.params.energy - s.added);
   return left >= c.params.energy ? effort : left > S(0) ? effort * (left / c.params.energy) : S(0);
 }

@@ -35,7 +35,7 @@ template <class S> RateWatchCoefficients<S> coefficients(const RateWatchParams<S
   const S whole = S(1e6) * period * static_cast<S>(p.samples);
   const bool valid = is_sound(p) && whole >= S(0) && (S(1) + p.tolerance) * whole < S(2e9);
   c.valid = valid ? 1 : 0;
-  if (!valid || p.samples == 0) return c;
+  if (!valid) return c;
   c.samples = p.samples;
   c.least = static_cast<std::uint32_t>((S(1) - p.tolerance) * whole);
   c.most = static_cast<std::uint32_t>((S(1) + p.tolerance) * whole) + 1u;

@@ -10,6 +10,7 @@ namespace p = pellucid;
 namespace {
 
 using F = p::SafetyFault;
+constexpr double never = std::numeric_limits<double>::infinity();
 
 template <class S> p::ProbeWatchParams<S> usual() {
   p::ProbeWatchParams<S> r;
@@ -352,7 +353,7 @@ void travel() {
   know();
   check(end(s, w) == F::none && s.heard == 0.0 && s.way == 0.3, "a reversed one speaks against it");
   // Before it is known what the robot answers, something must answer.
-  for (const double answer : {1.9, 2.1}) {
+  for (const double answer : {1.9, 2.0, 2.1}) {
     s = {};
     fill(6, answer, 1, 0.3);
     check(end(s, w) == F::none && s.way == (answer < 2 ? 0.3 : 0.0), "the answer's power is twelve times the noise's");
@@ -393,6 +394,15 @@ void travel() {
     s.added = added;
     const double left = added < 2 ? 1 : added > 4 ? 0 : (4 - added) / 2;
     check_close(p::bounded(limited, s, 6.0), 6 * left, 1e-12, "bounded");
+  }
+  for (const double energy : {4.0, never}) {
+    auto other = some;
+    other.energy = energy;
+    if (energy == 4) other.effort = 0;
+    s.added = 0;
+    check(p::bounded(p::coefficients(other, 1e-3), s, 6.0) == 6.0, "its own, to the bit, without a wave or a bound");
+    s.added = 1e9;
+    check(energy == 4 || p::bounded(p::coefficients(other, 1e-3), s, 6.0) == 6.0, "whatever was added, without a bound");
   }
   auto any = usual<double>();
   check(!std::isfinite(p::coefficients(any, 1e-3).params.travel), "any way where none is stated");
