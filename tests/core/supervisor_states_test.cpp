@@ -76,6 +76,15 @@ void parameters() {
   bad = r;
   bad.shaking.recent = 600;
   check(p::coefficients(bad, gate()).valid == 0, "a mean that is too fast");
+  bad = r;
+  bad.unexplained.memory = 600;
+  check(p::coefficients(bad, gate()).valid == 0, "energy that is forgotten at once");
+  bad = r;
+  bad.rate.samples = 2100000;
+  check(p::coefficients(bad, gate()).valid == 0, "a mean interval over more than half an hour");
+  bad = r;
+  bad.still.half_wave = 7;
+  check(p::coefficients(bad, gate()).valid == 0, "a wave at rest that is too short");
   // A delay beyond a million periods is a million.
   auto fast = law_params().gate;
   fast.period = 0x1p-17;
@@ -253,6 +262,25 @@ void configured() {
   past.state().steps = 9;
   p::configure(past.law, law_params(), held());
   check(past.state().steps == 0, "nor where it is another's");
+}
+
+/// A mode that there is not is a fault at a start, too; memory that was never configured has no past.
+void starts_of_broken_memory() {
+  for (const std::uint32_t word : {6u, 7u, 255u, 6u | 9u << 8}) {
+    Rig<> broken(held());
+    broken.run(10);
+    p::put(broken.state().doing, word);
+    p::configure(broken.law, law_params(), held());
+    check(broken.mode() == M::latched && broken.fault() == F::integrity, "no such mode");
+  }
+  for (const bool whole : {false, true})
+    for (const M mode : modes) {
+      p::Supervised<Law> never_configured{};
+      p::go(never_configured.state, mode, F::jump);
+      if (!whole) never_configured.state.doing.twin ^= 4u;
+      p::configure(never_configured, law_params(), held());
+      check(p::mode_of(never_configured.state) == M::running && p::faults_of(never_configured.state) == 0, "runs");
+    }
 }
 
 /// A word of memory that is lost is a fault, whichever it is; both twins of the first one are: nothing was configured.
@@ -912,6 +940,98 @@ void log_of_a_stop() {
   }
 }
 
+/// A law's effort with a wave on it: within its stops unless its own is beyond them, within its rate, and its own again
+/// where memory lost the last one.
+void efforts_with_waves() {
+  Params r;
+  r.probe.effort = 0.5, r.probe.inertia = 0.05, r.probe.noise = 1e-3, r.probe.energy = 4;
+  const auto c = p::coefficients(r, gate());
+  auto stops = law_params().gate;
+  stops.position_min = -2, stops.position_max = 2, stops.stop_margin = 1;
+  const auto limits = p::coefficients(stops);
+  for (const S way : {-1.0, 1.0}) {
+    const auto made = [&](S effort, S position, S last, S wave, S added = 0) {
+      State s;
+      s.output = s.drive.asked = way * last;
+      s.probe.phase[0] = {wave / 0.5, 0}, s.probe.phase[1] = {0, 0}, s.probe.phase[2] = {0, 0};
+      s.probe.phase[0].real *= way;
+      s.probe.added = added;
+      return way * p::with_probe(c, s, limits, way * effort, way * position);
+    };
+    check(made(3, 0, 3, 0.25) == 3.25 && made(3, 0, 3, -0.25) == 2.75, "with the wave on it");
+    check(made(3, 0, 3, 0) == 3 && made(3, 0, 1, 0) == 3, "its own, to the bit, without one");
+    check(made(3, 0, 2.5, 0.25) == 3 && made(3, 0, 4, 0.25) == 3.5, "within the rate");
+    check(made(4, 1.5, 4, 0.25) == 4.25 && made(4.875, 1.5, 4.875, 0.25) == 5, "half of the limit before a stop");
+    check(made(7, 1.5, 7, 0.25) == 7 && made(7, 1.5, 7, -0.25) == 6.75, "unless its own is beyond it");
+    check(made(9.75, 0, 9.75, 0.5) == 10 && made(10, 0, 10, 0.25) == 10, "the limit");
+    check(made(9.75, 0, 12, 0.5) == 9.75 && made(5, 0, 30, 0.5) == 5, "its own where memory lost the last one");
+    // Half of what may be added is left of 3 J of 4 J: half of the law's effort.
+    check(made(4, 0, 2, 0, 3) == 2 && made(4, 0, 2, 0.25, 3) == 2.25, "a drive that is not heard gets less");
+    check(made(4, 0, 4, 0, 3) == 3.5, "within the rate");
+  }
+}
+
+/// What says nothing changes nothing: a joint's encoder that is not heard, a drive beyond what it can give, a silent
+/// force sensor; and a wave that asks a joint at rest is no loop that rings.
+void what_says_nothing() {
+  Params r;
+  r.drive.expected = r.joint_expected = 1;
+  r.drive.inertia = 1, r.drive.surplus = never, r.drive.tolerance = 1, r.drive.limit = 8;
+  r.joint_tolerance = never;
+  Seen turns(r);
+  turns.starts(0);
+  turns.back.joint = {5, 0, 1, true};
+  turns.at(0, 0);
+  turns.back.joint = {5 + 4 * period, 0, 2, true};
+  turns.at(0, 0);
+  const S followed = turns.s.drive_velocity;
+  check(followed == 2, "half of the new velocity");
+  for (const bool valid : {true, false}) {
+    turns.back.joint = {9, 0, valid ? 2u : 3u, valid};
+    turns.at(0, 0);
+    check(turns.s.drive_velocity == followed, "neither seen before nor not valid");
+  }
+  for (const S given : {8.0, 10.0, 10.5, -10.5, 40.0, -40.0}) {
+    Seen drive(r);
+    drive.starts(0);
+    drive.s.drive.asked = drive.s.drive.asked_before = 0;
+    drive.back.drive = {given, 0, 77, true};
+    drive.s.drive.silent = drive.s.drive.outside = 0;
+    drive.at(0, 0);
+    const bool can = std::fabs(given) <= 8 + 1 + 0.15 * 8;
+    check((drive.s.drive.silent == 1) != can && (drive.s.drive.outside == 1) == can, "more than it can give is no reading");
+  }
+  Params felt;
+  felt.body.inertia = 1;
+  felt.force.expected = 1;
+  for (const bool valid : {true, false}) {
+    Seen gains(felt);
+    gains.in.interaction = {2, 0, 1, valid};
+    gains.starts(1);
+    gains.s.body.started = true;
+    gains.s.unexplained.energy = 0.5;
+    gains.at(1, 1);
+    check((gains.s.unexplained.energy != 0) == valid, "energy is counted by a sensor that is heard");
+  }
+  Params rings;
+  rings.ringing.limit = 0.015625;
+  for (const S amplitude : {0.0, 0.5}) {
+    Seen asked(rings);
+    asked.starts(0);
+    asked.s.ringing.size = 9;
+    asked.s.still.amplitude = amplitude;
+    check((asked.at(0, 3) == F::ringing) == (amplitude == 0), "a wave that asks rings by itself");
+  }
+  // What a law remembers does not matter while it is stopped: a hold goes on.
+  Rig<> holds(held());
+  holds.run(20);
+  p::stop(holds.law);
+  holds.run(2);
+  holds.law.controller.state.gate.position += 1;
+  holds.run(3);
+  check(holds.mode() == M::damped_stop && p::faults_of(holds.state()) == 1, "a hold goes on");
+}
+
 /// What the probe hears of a command is what the drive can give of it, in both of the last two periods.
 void what_a_drive_can_give() {
   Params r;
@@ -1108,6 +1228,9 @@ int main() {
   no_reset_over_lost_memory();
   lost_while_stopped();
   log_of_a_stop();
+  starts_of_broken_memory();
+  efforts_with_waves();
+  what_says_nothing();
   what_a_drive_can_give();
   doubts_in_a_hold();
   start_up();
