@@ -229,7 +229,7 @@ def test_a_measured_drive_is_watched_for_being_late():
 
 @pytest.mark.parametrize(("period", "still"), [(2e-3, 250.0), (1e-3, 500.0), (5e-4, 1000.0), (3e-4, 1667.0)])
 def test_a_joint_that_rests_for_half_a_second_is_asked(period, still):
-    """By the wave of the start-up test, which moves the robot against its friction, also where there is no such test."""
+    """By the wave of the start-up test, which moves the robot against its friction, also without such a test."""
     law = joint(period=period, max_age=5.0 * period)
     asked = thresholds(law, instruments=Instruments(probe=True, encoder_resolution=1e-5), start_up=False)
     tested = thresholds(law, instruments=Instruments(encoder_resolution=1e-5))
