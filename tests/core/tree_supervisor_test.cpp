@@ -879,6 +879,185 @@ void start_up() {
   unsound = rules();
   unsound.joint[2].delay.forget = -1;
   check(p::coefficients(unsound, p::coefficients(law_params())).valid == 0, "nor this one");
+  for (std::size_t k = 0; k < joints; ++k) {
+    unsound = rules();
+    unsound.joint[k].motion.slow = 600;
+    check(p::coefficients(unsound, p::coefficients(law_params())).valid == 0, "means that are faster than their periods");
+    unsound = rules();
+    unsound.joint[k].delay.smoothing = 600;
+    check(p::coefficients(unsound, p::coefficients(law_params())).valid == 0, "of the drive's delay, too");
+    // The first joint from another on that has a test, of as many as there are.
+    Rules some = rules();
+    some.joint[k].test = {0.5, 16, 32, 0.0001, 0.001};
+    const auto c = p::coefficients(some, p::coefficients(law_params()));
+    for (std::size_t from = 0; from <= joints; ++from)
+      for (std::size_t many = from; many <= joints; ++many)
+        check(p::next_tested(c, many, from) == (k >= from && k < many ? k : many), "the next one");
+  }
+}
+
+/// A wave at start-up stays within its joint's limits of effort and rate, whatever is left of other efforts.
+void waves_within_limits() {
+  Rules r = rules();
+  for (auto& one : r.joint) one.rest_speed = never;
+  r.joint[1].test = {40, 16, 4, 0, never};
+  Rig rig(r);
+  rig.state().output[0] = 3;
+  S last = 0, most = 0, least = 0;
+  for (int k = 0; k < 30 && rig.mode() == M::start_up; ++k) {
+    rig.run(1);
+    const S now = rig.state().output[1];
+    check(std::fabs(now - last) <= 0.5, "within the rate, up and down");
+    most = std::fmax(most, now), least = std::fmin(least, now), last = now;
+    check(rig.state().joint[1].test.pushed == now, "of what was given");
+    check(rig.state().joint[0].test.pushed == 0 && rig.state().joint[2].test.pushed == 0, "no other joint is tested");
+    if (k == 0) check(rig.state().output[0] == 2.5, "what is left of others fades");
+  }
+  check(most > 3, "a wave");
+  auto fast = law_params();
+  for (auto& one : fast.joint) one.gate.rate_limit = 1e6;
+  Rig limited(r, fast);
+  most = least = 0;
+  for (int k = 0; k < 40 && limited.mode() == M::start_up; ++k) {
+    limited.run(1);
+    most = std::fmax(most, limited.state().output[1]), least = std::fmin(least, limited.state().output[1]);
+  }
+  check(most == 10 && least == -10, "at most the limit, both ways");
+  // A turn that memory lost begins with the first joint.
+  for (const std::uint32_t lost : {3u, 4u, 5u, 6u, 0xffffffffu}) {
+    Rules all = rules();
+    for (auto& one : all.joint) one.test = {0.5, 16, 4, 0, never}, one.rest_speed = never;
+    Rig turns(all);
+    turns.state().tested = lost;
+    turns.run(12);
+    check(turns.mode() == M::start_up && turns.state().joint[0].test.count > 0, "the first");
+  }
+}
+
+/// Memory that is lost while it is stopped is written down once, and takes the token back.
+void lost_while_stopped() {
+  for (const M mode : {M::damped_stop, M::zero, M::latched}) {
+    Rig rig;
+    rig.run(5);
+    p::enter(rig.state(), {F::stopped, 0}, mode);
+    const std::uint32_t challenge = rig.state().challenge.word, faults = p::faults_of(rig.state());
+    p::lose_trust(rig.law);
+    check(rig.mode() == (mode == M::latched ? M::latched : M::zero) && rig.fault() == F::stopped, "no power; the first fault stays");
+    check(p::faults_of(rig.state()) == faults + 1 && p::logged(rig.law.state, 0).fault.fault == F::integrity, "written down");
+    check(rig.state().challenge.word != challenge, "another token");
+  }
+  // What counts is lost in a hold, or all numbers are: it holds no more, and only the first is news.
+  Rig bounds;
+  bounds.run(20);
+  p::stop(bounds.law);
+  bounds.run(2);
+  check(bounds.mode() == M::damped_stop, "held");
+  bounds.law.controller.law.gate.joints = 77;
+  bounds.run(1);
+  check(bounds.mode() == M::latched && p::logged(bounds.law.state, 0).fault.fault == F::integrity, "it holds no more");
+  Rig numbers;
+  numbers.run(20);
+  p::stop(numbers.law);
+  numbers.run(2);
+  numbers.law.supervisor.valid = 0;
+  const std::uint32_t faults = p::faults_of(numbers.state());
+  numbers.run(1);
+  check(p::faults_of(numbers.state()) == faults && numbers.out.mode == M::latched && numbers.out.challenge == 0, "nothing is left to say");
+  for (const S effort : numbers.out.command.effort) check(effort == 0, "and nothing is given");
+  // What a law remembers does not matter while it is stopped.
+  Rig holds;
+  holds.run(20);
+  p::stop(holds.law);
+  holds.run(2);
+  holds.law.controller.state.weight[0] += 1;
+  holds.run(3);
+  check(holds.mode() == M::damped_stop && p::faults_of(holds.state()) == 1, "a hold goes on");
+}
+
+/// A mode that there is not is a fault at a start, too; memory that was never configured has no past; a stop is heard
+/// once the numbers make sense.
+void starts_of_broken_memory() {
+  for (const std::uint32_t word : {6u, 7u, 255u}) {
+    Rig broken;
+    broken.run(10);
+    p::put(broken.state().doing, word);
+    p::configure(broken.law, law_params(), rules());
+    check(broken.mode() == M::latched && broken.fault() == F::integrity, "no such mode");
+  }
+  for (const bool twin : {false, true}) {
+    Rig runs;
+    runs.run(5);
+    (twin ? runs.state().alive.twin : runs.state().alive.word) ^= 16u;
+    p::configure(runs.law, law_params(), rules());
+    check(runs.mode() == M::latched && runs.fault() == F::integrity && p::faults_of(runs.state()) == 1, "a lost bit is a fault");
+  }
+  for (const bool whole : {false, true})
+    for (const M mode : modes) {
+      Supervised fresh{};
+      p::go(fresh.state, mode, {F::jump, 0});
+      if (!whole) fresh.state.doing.twin ^= 4u;
+      p::configure(fresh, law_params(), rules());
+      check(p::mode_of(fresh.state) == M::running && p::faults_of(fresh.state) == 0, "runs");
+    }
+  Supervised early{};
+  p::stop(early);
+  Rules bad = rules();
+  bad.whole.reset_delay = -1;
+  check(!p::configure(early, law_params(), bad) && p::fault_of(early.state).fault == F::configuration, "no sense");
+  check(p::configure(early, law_params(), rules()) && p::fault_of(early.state).fault == F::stopped, "the stop was not forgotten");
+}
+
+/// A word that lost a bit of what says whether a joint is in doubt, or released, is the safe answer.
+void safe_answers() {
+  for (std::uint32_t bit = 0; bit < 32; ++bit)
+    for (const bool twin : {false, true}) {
+      p::JointWatchState<S> one;
+      check(!p::is_doubted(one) && !p::is_released(one), "neither");
+      (twin ? one.doubted.twin : one.doubted.word) ^= 1u << bit;
+      check(p::is_doubted(one) && !p::is_released(one), "in doubt");
+      p::JointWatchState<S> other;
+      (twin ? other.released.twin : other.released.word) ^= 1u << bit;
+      check(p::is_released(other) && !p::is_doubted(other), "released");
+    }
+}
+
+/// Sensors at their bounds: a speed at which a joint does not move yet, how loud all sensors together may be, a link's
+/// sensor while any joint moves, and one that is not heard.
+void bounds_of_sensors() {
+  for (std::size_t k = 0; k < joints; ++k)
+    for (const S speed : {0.25, 0.25 + more}) {
+      Rules r = rules();
+      r.whole.degrades = 1, r.whole.moving = 0.25;
+      r.joint[k].force = {1, 6, 4};
+      Judged one(r);
+      one.rig.in.interaction[k] = {1, one.rig.now, 1, true};
+      one.rig.state().joint[k].encoder.velocity = speed;
+      one.judge(9);
+      check((one.mode() == M::running) == (speed == 0.25), "at the speed it rests");
+      Rules link = rules();
+      link.whole.degrades = link.whole.wrench_expected = 1, link.whole.moving = 0.25, link.whole.wrench_quiet = 6;
+      link.whole.wrench_force = link.whole.wrench_moment = 8;
+      Judged any(link);
+      any.rig.in.wrench.valid = true;
+      any.rig.state().joint[k].encoder.velocity = speed;
+      any.judge(9);
+      check((any.mode() == M::running) == (speed == 0.25), "any joint that moves");
+      Judged silent(link);
+      silent.rig.in.wrench.valid = false;
+      silent.rig.in.wrench.force.x = 99;
+      silent.judge(2);
+      check(silent.mode() == M::running, "what is not heard is beyond no range");
+      silent.judge(9);
+      check(silent.fault().fault == F::lost, "but silent");
+    }
+  // Sensors are judged in every second period, so that their counts are of periods.
+  Rules r = rules();
+  r.whole.degrades = 1;
+  r.joint[0].force = {1, 40, 4};
+  Rig rig(r);
+  int periods = 0;
+  for (; periods < 200 && rig.out.mode != M::degraded; ++periods) rig.run(1);
+  check(periods >= 38 && periods <= 42, "silent for as many periods as stated");
 }
 
 /// A lost bit in what counts or indexes takes the power off before it is used; sanitizers watch.
@@ -1238,6 +1417,11 @@ int main() {
   memory();
   power();
   bits_of_a_doubt();
+  waves_within_limits();
+  lost_while_stopped();
+  starts_of_broken_memory();
+  safe_answers();
+  bounds_of_sensors();
   encoders_and_drives();
   coupled_motors();
   slow_watches();
