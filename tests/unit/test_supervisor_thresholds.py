@@ -267,6 +267,39 @@ def test_a_stated_load_adds_inertia_and_weight():
     assert loaded["gravity_sine"] == pytest.approx(1.2 + load.gravity())
 
 
+@pytest.mark.parametrize(("inertia", "speed"), [(0.005, 2.0), (0.05, 10.0), (0.05, 20.0), (0.4, 2.0)])
+@pytest.mark.parametrize(("weight", "carried", "supported", "unstated"),
+                         [(3.0, 2.0, 0.0, 0.5), (1.0, 2.0, 0.0, 0.0), (6.5, 0.0, 1.5, 0.25)])  # fmt: skip
+def test_thresholds_by_weights_that_are_carried(inertia, speed, weight, carried, supported, unstated):
+    """A stated load is known within a tenth, the rest of the weight within two fifths, an unstated load not at all."""
+    plain = dict.fromkeys(("gravity_cosine", "offset", "viscous_negative", "viscous_positive", "square_root"), 0.0)
+    numbers = plain | {"inertia": inertia, "gravity_sine": weight + supported, "velocity_limit": speed}
+    load = Segment(carried / (9.81 * 0.2), 0.2, 0.01) if carried else None
+    s = thresholds(replace(joint(**numbers), load=load, supported=supported, unstated=unstated))
+    left = max(weight - EFFORT, 0.0)
+    exchanged = left + supported + unstated
+    stated = 0.0 if load is None else load.gravity()
+    wrong = 0.4 * max(weight - stated, 0.0) + 0.1 * stated + unstated
+    torque = max(0.15 * EFFORT + exchanged, 2.0 * inertia * speed + exchanged, 27.0 * inertia + wrong)
+    push = max(0.96 * EFFORT + exchanged, 10.0 * inertia * speed + exchanged, 75.0 * inertia + wrong)
+    friction = LEVEL + LOAD * weight
+    swung = 2.0 * (supported + unstated)
+    assert (s["wearer_torque"], s["wearer_push"], s["push_limit"]) == pytest.approx((torque, push, EFFORT + exchanged))
+    assert s["force_tolerance"] == pytest.approx(0.066 * EFFORT + 0.2 * exchanged + wrong)
+    assert s["force_burst"] == pytest.approx(0.8 * EFFORT + 0.2 * exchanged + wrong)
+    assert s["force_excess"] == pytest.approx(0.022 * EFFORT + wrong)
+    assert s["budget_store"] == pytest.approx(inertia * (0.575 * speed) ** 2 + 0.66 * left + swung)
+    due = min(EFFORT, weight - left + supported + friction)
+    assert s["power_limit"] == pytest.approx(max(0.5 * EFFORT, due) * speed)
+    assert s["hold_limit"] == pytest.approx(min(EFFORT, 1.5 * weight + friction))
+    assert s["raw_acceleration_limit"] == pytest.approx(10.0 * EFFORT / inertia)
+
+
+def test_sustained_oscillation_is_watched_on_request():
+    found = changes(shaking=True)
+    assert found == {"shaking_limit": pytest.approx(0.0138 * SPEED)}
+
+
 def test_a_worse_force_sensor_widens_its_watch():
     usual = thresholds()
     found = changes(instruments=Instruments(force_offset=0.05 * EFFORT))
