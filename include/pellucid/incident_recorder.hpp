@@ -165,7 +165,7 @@ void note(IncidentState<S>& state, const IncidentMemory& memory, const Supervise
   IncidentRing r = ring_of(state);
   if (places == 0 || (r.alive.word != incident_alive && r.alive.twin != ~incident_alive)) return;
   const bool sound = is_whole(r.alive) && is_whole(r.decimation) && is_whole(r.after) &&
-                     r.slot < places && r.whole <= places && r.filled < r.decimation.word && r.left <= places &&
+                     r.slot < places && r.whole <= places && r.filled < r.decimation.word && r.left < places &&
                      r.phase <= static_cast<std::uint32_t>(IncidentPhase::frozen) &&
                      (r.stop_slot < places || r.stop_slot == no_slot);
   if (!sound) {

@@ -646,7 +646,7 @@ void damage_at_each_bound() {
     life.run(30);
     using R = p::IncidentRing;
     std::uint32_t R::*const numbers[] = {&R::slot, &R::whole, &R::filled, &R::left, &R::phase, &R::stop_slot};
-    const std::uint32_t beyond[] = {4, 5, 3, 5, 3, 4};
+    const std::uint32_t beyond[] = {4, 5, 3, 4, 3, 4};
     damage(life.recorder, life.recorder.copy, numbers[field], beyond[field]);
     life.step();
     check(life.recorder.damages == 1, "found");

@@ -1050,6 +1050,18 @@ void bounds_of_sensors() {
       silent.judge(9);
       check(silent.fault().fault == F::lost, "but silent");
     }
+  // What nobody gives stops a law that goes on without its sensors, too, and nothing that is stopped already.
+  for (const M mode : modes) {
+    Rules motion = rules();
+    motion.joint[1].motion.wearer_torque = 1;
+    Judged pushed(motion);
+    p::go(pushed.rig.state(), mode, {mode == M::running ? F::none : F::lost, 0});
+    for (auto& one : pushed.rig.state().joint) one.motion.settled = 1;
+    pushed.rig.state().joint[1].motion.lasting = 9;
+    pushed.judge();
+    const bool stops = mode == M::running || mode == M::degraded;
+    check(p::faults_of(pushed.rig.state()) == (stops ? 1u : 0u) && (pushed.fault().fault == F::unexplained) == stops, "unexplained");
+  }
   // Sensors are judged in every second period, so that their counts are of periods.
   Rules r = rules();
   r.whole.degrades = 1;

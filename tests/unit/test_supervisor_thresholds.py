@@ -743,6 +743,11 @@ def test_instruments_of_each_joint(robot):
     )
     assert slow.whole_watch["wrench_quiet_samples"] == 2.0
     assert tree_laws.carried(robot, period=4e-3).whole_watch["wrench_quiet_samples"] == 12.0
+    slowest = tree_laws.carried(robot, instruments=rich, period=0.08)  # two periods at least
+    assert (slowest.watches[0]["test_rest"], slowest.watches[0]["freeze_samples"]) == (2.0, 2.0)
+    assert slowest.whole_watch["wrench_quiet_samples"] == 2.0
+    led = tree_laws.with_emg(slowest, "elbow", Segment(1.5, 0.15, 0.06))
+    assert led.watches[3]["muscle_quiet_samples"] == 2.0
 
 
 def test_thresholds_of_force_sensors(robot):
