@@ -5,7 +5,8 @@ import pytest
 
 from pellucid.emg.estimators.adaptive_correction import fit_adaptive_correction
 from pellucid.emg.estimators.cross_validation import first_best
-from pellucid.emg.estimators.neural_network import NeuralNetwork, Ridge
+from pellucid.emg.estimators.neural_network import NeuralNetwork
+from pellucid.emg.estimators.ridge import Ridge
 
 ANGLE = np.radians(-60.0)
 """An angle whose mean over thousands of samples is not the angle itself: sums round."""

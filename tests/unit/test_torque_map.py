@@ -15,7 +15,8 @@ from pellucid.emg.estimators.condition_choice import Examination
 from pellucid.emg.estimators.cross_validation import block_folds, grouped_folds, score
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.families.family import Family
-from pellucid.emg.estimators.neural_network import Ridge
+from pellucid.emg.estimators.feature_scale import smooth, smoothing_delay
+from pellucid.emg.estimators.ridge import Ridge
 from pellucid.emg.estimators.torque_map import (
     MAP_FITTING,
     MapJob,
@@ -23,7 +24,6 @@ from pellucid.emg.estimators.torque_map import (
     fit_torque_map,
     fit_torque_maps,
 )
-from pellucid.emg.estimators.torque_regressor import smooth, smoothing_delay
 from pellucid.emg.estimators.torque_trial import (
     ENVELOPE_LAGS_S,
     FeatureSet,

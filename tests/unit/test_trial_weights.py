@@ -8,15 +8,15 @@ from made_muscles import trial
 
 from pellucid.emg.estimators.condition_choice import make_choice_tests, run_condition_tests
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.emg.estimators.muscle_trials import make_muscle_samples
-from pellucid.emg.estimators.neural_network import Ridge
-from pellucid.emg.estimators.torque_map import fit_torque_map
-from pellucid.emg.estimators.torque_regressor import (
+from pellucid.emg.estimators.feature_scale import (
     ERROR_FLOOR_SHARE,
-    TorqueRegressor,
     find_row_weights,
     find_trial_weights,
 )
+from pellucid.emg.estimators.muscle_trials import make_muscle_samples
+from pellucid.emg.estimators.ridge import Ridge
+from pellucid.emg.estimators.torque_map import fit_torque_map
+from pellucid.emg.estimators.torque_regressor import TorqueRegressor
 from pellucid.emg.estimators.torque_trial import Features
 from pellucid.emg.estimators.tree_ensembles import BoostedTrees
 

@@ -33,8 +33,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from ..._errors import IdentificationError
+from .feature_scale import mean_and_scale
 from .hill import HillChoice, HillMap, fit_hill
-from .torque_regressor import mean_and_scale
 from .torque_trial import FeatureSet, TorqueTrial, compute_features
 
 

@@ -178,7 +178,7 @@ def fit_causal_map(
     """Fit a causal map, linear in envelopes and in envelopes times angle."""
     from scipy.signal import sosfilt
 
-    from .neural_network import Ridge  # scikit-learn takes half a second to load
+    from .ridge import Ridge
 
     settings = settings or EmgSettings()
     trials = [t for t in trials if _max_speed(t) < CAUSAL_FIT.max_joint_speed_rad_s]

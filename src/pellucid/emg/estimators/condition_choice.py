@@ -38,10 +38,10 @@ from ..fit.muscle_calibration import MuscleProblem, solve_calibration
 from .adaptive_correction import UncoupledMap, uncouple_trial
 from .cross_validation import apply_useful_repairs, block_folds
 from .families import ESTIMATOR_FAMILIES, STACKED
+from .feature_scale import find_row_weights, smooth
 from .hill import HillMap
 from .muscle_trials import count_warm_up_samples, make_muscle_samples
 from .torque_map import MAP_FITTING, TorqueMap
-from .torque_regressor import find_row_weights, smooth
 from .torque_trial import TorqueTrial, compute_features, filter_and_differentiate
 
 MAX_TEST_COUNT = 5
@@ -430,7 +430,7 @@ def find_error_band(errors: Sequence[np.ndarray]) -> float:
         Half width [N m]; NaN without a test.
     """
     from scipy.optimize import brentq
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     each = [np.abs(e) for e in errors if _is_known(e)]
     quantiles = np.array([np.quantile(e, ERROR_BAND.share) for e in each])
@@ -442,7 +442,7 @@ def find_error_band(errors: Sequence[np.ndarray]) -> float:
     freedom = ERROR_BAND.prior_weight + count - 1.0
     variance = (ERROR_BAND.prior_weight * ERROR_BAND.prior_deviation**2 + count * logs.var()) / freedom
     places = (np.arange(ERROR_BAND.quadrature_count) + 0.5) / ERROR_BAND.quadrature_count
-    scales = logs.mean() + np.sqrt(variance * (1.0 + 1.0 / count)) * student.ppf(places, freedom)
+    scales = logs.mean() + np.sqrt(variance * (1.0 + 1.0 / count)) * stdtrit(freedom, places)
     # Every condition counts the same in the common distribution, however long it lasts.
     relative = np.concatenate([np.quantile(e / q, places) for e, q in zip(each, quantiles, strict=True)])
     ranked = np.log(np.maximum(np.sort(relative), 1e-12))

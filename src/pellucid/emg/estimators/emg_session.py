@@ -34,8 +34,8 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.signal import lfilter
 
+from ..._core import Biquads
 from ..._errors import IdentificationError
 from ..models.emg_estimator import (
     WATCH_DEFAULTS,
@@ -45,7 +45,7 @@ from ..models.emg_estimator import (
     WatchedAngle,
     WatchedChannel,
 )
-from .neural_network import Ridge
+from .ridge import Ridge
 from .torque_trial import TorqueTrial, filter_and_differentiate
 
 
@@ -689,8 +689,9 @@ def _remembered_error(
     `means` are <x x>, <x p> and <p p> with which the memory begins, shape (k,) each.
     """
     share = min(1.0, 1.0 / (seconds * fs))
+    memory = [[share, 0.0, 0.0, 1.0, share - 1.0, 0.0]]
     square, product, pattern_square = (
-        lfilter([share], [1.0, share - 1.0], y, axis=0, zi=((1.0 - share) * mean)[None, :])[0]
+        mean + np.column_stack([Biquads(memory).filter(column) for column in (y - mean).T])
         for y, mean in zip((x * x, x * pattern, pattern * pattern), means, strict=True)
     )
     common = _common_factor(np.sqrt(square / np.maximum(pattern_square, WATCH_TIMES.min_square)))[:, None]

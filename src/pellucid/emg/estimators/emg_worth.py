@@ -145,9 +145,9 @@ def _block_means(apart: np.ndarray, period: int) -> np.ndarray:
 
 def _student_half_width(values: np.ndarray) -> float:
     """Return half of Student's 95 % interval of the mean of independent values, shape (n,)."""
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
-    return float(student.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))
+    return float(stdtrit(len(values) - 1, 0.975) * values.std(ddof=1) / np.sqrt(len(values)))
 
 
 def worth_over_trials(

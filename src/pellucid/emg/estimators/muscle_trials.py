@@ -14,7 +14,7 @@ from ..._errors import IdentificationError, RecordingError
 from ..fit.muscle_calibration import MuscleSamples
 from ..models.hill import HillData, HillMuscle
 from ..models.muscle_geometry import muscle_table
-from .torque_regressor import find_trial_weights
+from .feature_scale import find_trial_weights
 from .torque_trial import TorqueTrial, filter_and_differentiate
 
 

@@ -1,157 +1,97 @@
-"""A small network trained by back-propagation, from scikit-learn: the reconstruction of M-BP.
+"""A small network trained by back-propagation: the reconstruction of M-BP.
 
-Linear and ridge regression in closed form, by singular values.
-
-Features are made comparable (mean 0, variance 1) and the offset is not penalised:
-
-    b(a) = V diag(s / (s² + a)) Uᵀ (y - mean y),   X standardised = U diag(s) Vᵀ
+Start, loss and search are those of scikit-learn's ``MLPRegressor``, which tests check.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
-from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
-from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.neural_network import MLPRegressor
-from sklearn.utils.validation import check_is_fitted, validate_data
 
-from ..._errors import IdentificationError
 from .families.family import SEED
-from .torque_regressor import mean_and_scale
+from .feature_scale import mean_and_scale
+from .plain_regressor import PlainRegressor
 
 HIDDEN_NEURON_COUNT = 10
 """Number of neurons in the hidden layer. The original paper does not state it. Chosen by judgement."""
 
+MAX_TRAINING_STEPS = 200
+"""Largest number of steps of the search. Early stopping is part of the method."""
 
-class NeuralNetwork(RegressorMixin, BaseEstimator):
-    """One hidden layer of tanh neurons on standardised features, as a scikit-learn estimator."""
+MAX_GRADIENT = 1e-4
+"""Gradient of the loss below which the search ends."""
 
-    def __init__(self, penalty: float = 1e-2):
-        self.penalty = penalty
+
+@dataclass(eq=False)
+class NeuralNetwork(PlainRegressor):
+    """One hidden layer of tanh neurons on standardised features."""
+
+    penalty: float = 1e-2
 
     def fit(self, X: np.ndarray, y: np.ndarray) -> NeuralNetwork:
         """Train on `X`, shape (n, k), and `y`, shape (n,)."""
-        X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
+        from scipy.optimize import minimize  # takes a third of a second to load
+
+        X, y = self._check_fitted_rows(X, y)
         self.mean_, self.scale_ = mean_and_scale(X)
         self.offset_, self.deviation_ = float(np.mean(y)), float(np.std(y)) or 1.0
-        self.network_ = MLPRegressor(
-            hidden_layer_sizes=(HIDDEN_NEURON_COUNT,),
-            activation="tanh",
-            solver="lbfgs",
-            alpha=self.penalty,
-            max_iter=200,
-            random_state=SEED,
+        x, target = (X - self.mean_) / self.scale_, ((y - self.offset_) / self.deviation_)[:, None]
+        found = minimize(
+            self._loss_and_gradient,
+            _draw_start(x.shape[1]),
+            args=(x, target),
+            method="L-BFGS-B",
+            jac=True,
+            options={"maxiter": MAX_TRAINING_STEPS, "gtol": MAX_GRADIENT},
         )
-        with warnings.catch_warnings():
-            # Training ends after a fixed number of iterations: early stopping is part of the method.
-            warnings.simplefilter("ignore", ConvergenceWarning)
-            self.network_.fit((X - self.mean_) / self.scale_, (y - self.offset_) / self.deviation_)
+        self.packed_ = found.x
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:
         """Predict the torque for features `X` of shape (n, k), shape (n,)."""
-        check_is_fitted(self)
-        X = validate_data(self, X, dtype=np.float64, reset=False)
-        return self.offset_ + self.deviation_ * self.network_.predict((X - self.mean_) / self.scale_)
+        X = self._check_new_rows(X)
+        weights, output_weights, offsets, output_offset = _unpack(self.packed_, X.shape[1])
+        hidden = np.tanh((X - self.mean_) / self.scale_ @ weights + offsets)
+        return self.offset_ + self.deviation_ * (hidden @ output_weights + output_offset).ravel()
+
+    def _loss_and_gradient(self, packed: np.ndarray, x: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return half the mean square error with the penalty, and its gradient, from weights in one array."""
+        n = len(x)
+        weights, output_weights, offsets, output_offset = _unpack(packed, x.shape[1])
+        hidden = np.tanh(x @ weights + offsets)
+        error = hidden @ output_weights
+        error += output_offset
+        error -= target
+        first, last = weights.ravel(), output_weights.ravel()
+        loss = 0.5 * (error**2).mean(axis=0).mean() + (0.5 * self.penalty) * (first @ first + last @ last) / n
+        back = error @ output_weights.T
+        back *= 1.0 - hidden**2
+        gradient = np.empty_like(packed)
+        parts = _unpack(gradient, x.shape[1])
+        parts[0][:] = (x.T @ back + self.penalty * weights) / n
+        parts[1][:] = (hidden.T @ error + self.penalty * output_weights) / n
+        parts[2][:] = back.sum(axis=0) / n
+        parts[3][:] = error.sum(axis=0) / n
+        return float(loss), gradient
 
 
-SINGULAR_VALUE_TOLERANCE = 1e-10
-"""Singular values below this share of the largest are dropped. They belong to features that depend on the others."""
+def _unpack(packed: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return views of the weights of the neurons and of the output, and of their offsets."""
+    ends = np.cumsum([columns * HIDDEN_NEURON_COUNT, HIDDEN_NEURON_COUNT, HIDDEN_NEURON_COUNT]).tolist()
+    return (
+        packed[: ends[0]].reshape(columns, HIDDEN_NEURON_COUNT),
+        packed[ends[0] : ends[1], None],
+        packed[ends[1] : ends[2]],
+        packed[ends[2] :],
+    )
 
 
-class Ridge(RegressorMixin, BaseEstimator):
-    """Least squares with a penalty on the standardised coefficients, as a scikit-learn estimator."""
-
-    def __init__(self, alpha: float = 1.0, products: tuple[int, ...] = ()):
-        self.alpha = alpha
-        self.products = products
-
-    def fit(self, X: np.ndarray, y: np.ndarray, row_weight: np.ndarray | None = None) -> Ridge:
-        """Find the coefficients of `X`, shape (n, k), for `y`, shape (n,), with `row_weight`, shape (n,)."""
-        return self._solve(self._decompose(X, y, weight=row_weight))
-
-    def predict_each(
-        self,
-        X: np.ndarray,
-        y: np.ndarray,
-        alphas: Sequence[float],
-        new: np.ndarray,
-        row_weight: np.ndarray | None = None,
-    ) -> list[np.ndarray]:
-        """Fit with each of `alphas` and return the predictions for `new`, shape (m, k); most of the work is shared."""
-        # With a penalty, the less accurate eigenvalues of products suffice.
-        system = self._decompose(X, y, squared=min(alphas) > 0.0, weight=row_weight)
-        each = [copy(self).set_params(alpha=alpha)._solve(system) for alpha in alphas]
-        seen = self._standardise(validate_data(self, new, dtype=np.float64, reset=False))
-        return list(self.offset_ + (seen @ np.column_stack([one.coefficients_ for one in each])).T)
-
-    def _decompose(
-        self, X: np.ndarray, y: np.ndarray, squared: bool = False, weight: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return directions of the coefficients, (k, r), their squared singular values and their projections, (r,).
-
-        A projection is the direction's scalar product with the torque, times the singular value. `squared` computes
-        them from products of features, which is faster and has half as many digits.
-        """
-        X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
-        x = self._add_products(X)
-        self.mean_, self.scale_ = mean_and_scale(x, weight)
-        # The product with a constant is a copy of its other factor, and would grow where the constant is another.
-        constant = np.isinf(self.scale_[: X.shape[1]])[list(self.products)]
-        rows, columns = np.triu_indices(len(self.products))
-        self.scale_[X.shape[1] :][constant[rows] | constant[columns]] = np.inf
-        self.offset_ = float(np.mean(y) if weight is None else np.average(y, weights=weight))
-        x, y = (x - self.mean_) / self.scale_, y - self.offset_
-        if weight is not None:
-            root = np.sqrt(np.asarray(weight, float))
-            x, y = root[:, None] * x, root * y
-        if not squared:
-            q, r = np.linalg.qr(x)
-            u, s, vt = np.linalg.svd(r, full_matrices=False)  # The singular values of r are those of x; r is smaller
-            told = s > SINGULAR_VALUE_TOLERANCE * s[0]
-            return vt[told].T, s[told] ** 2, s[told] * (u.T @ (q.T @ y))[told]
-        if x.shape[0] < x.shape[1]:
-            squares, u = np.linalg.eigh(x @ x.T)
-            return x.T @ u, np.maximum(squares, 0.0), u.T @ y
-        squares, v = np.linalg.eigh(x.T @ x)
-        return v, np.maximum(squares, 0.0), v.T @ (x.T @ y)
-
-    def _solve(self, system: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Ridge:
-        """Compute the coefficients of a decomposed system."""
-        if not self.alpha >= 0.0:
-            raise IdentificationError(f"ridge: found the penalty {self.alpha:g}, expected at least 0")
-        directions, squares, gathered = system
-        self.coefficients_ = directions @ (gathered / (squares + self.alpha))
-        return self
-
-    def predict(self, X: np.ndarray) -> np.ndarray:
-        """Predict the torque for features `X` of shape (n, k), shape (n,)."""
-        check_is_fitted(self)
-        X = validate_data(self, X, dtype=np.float64, reset=False)
-        return self.offset_ + self._standardise(X) @ self.coefficients_
-
-    def _standardise(self, X: np.ndarray) -> np.ndarray:
-        """Return features and products, standardised as in the fit."""
-        return (self._add_products(X) - self.mean_) / self.scale_
-
-    def unscaled_coefficients(self, names: Sequence[str]) -> dict[str, float]:
-        """Return the coefficients for features that are not standardised: ``"offset"``, then each term by `names`.
-
-        A product is named by its two factors with ``" * "`` between.
-        """
-        chosen = [names[i] for i in self.products]
-        terms = [*names, *(f"{chosen[i]} * {chosen[j]}" for i, j in zip(*np.triu_indices(len(chosen)), strict=True))]
-        slopes = self.coefficients_ / self.scale_
-        return {"offset": self.offset_ - float(slopes @ self.mean_), **dict(zip(terms, slopes.tolist(), strict=True))}
-
-    def _add_products(self, x: np.ndarray) -> np.ndarray:
-        """Return features with their products, shape (n, terms)."""
-        if not len(self.products):
-            return x
-        chosen = x[:, list(self.products)]
-        rows, columns = np.triu_indices(chosen.shape[1])
-        return np.hstack([x, chosen[:, rows] * chosen[:, columns]])
+def _draw_start(columns: int) -> np.ndarray:
+    """Return the weights and offsets from which training starts, drawn as Glorot and Bengio propose."""
+    draws, hidden = np.random.RandomState(SEED), HIDDEN_NEURON_COUNT
+    bound, output_bound = np.sqrt(6.0 / (columns + hidden)), np.sqrt(6.0 / (hidden + 1))
+    weights = draws.uniform(-bound, bound, columns * hidden)
+    offsets = draws.uniform(-bound, bound, hidden)
+    output_weights = draws.uniform(-output_bound, output_bound, hidden)
+    return np.concatenate([weights, output_weights, offsets, draws.uniform(-output_bound, output_bound, 1)])

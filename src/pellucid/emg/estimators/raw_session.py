@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from ..._errors import IdentificationError
 from ...numerics.filters import runs
@@ -112,7 +112,7 @@ def _channel_properties(x: np.ndarray, fs: float) -> tuple[np.ndarray, np.ndarra
     rails = np.array([_saturated_share(each) for each in x])
     size = min(n, round(fs))
     # Hum is that of the mains frequency with more power. Both frequencies are left out of spectra.
-    f, own = signal.welch(x, fs, nperseg=size, axis=-1)
+    f, own = scipy.signal.welch(x, fs, nperseg=size, axis=-1)
     line = np.min([np.abs(f - m * h) for m in RAW_LIMITS.mains_hz for h in range(1, 10)], axis=0) <= 1.5
     band = (f >= RAW_LIMITS.band_hz[0]) & (f <= min(RAW_LIMITS.band_hz[1], 0.45 * fs))
     total = own[:, band].sum(axis=1)
@@ -128,7 +128,7 @@ def _channel_properties(x: np.ndarray, fs: float) -> tuple[np.ndarray, np.ndarra
     together = np.eye(k)
     for i in range(k):
         for j in range(i):
-            _, both = signal.csd(x[i], x[j], fs, nperseg=size)
+            _, both = scipy.signal.csd(x[i], x[j], fs, nperseg=size)
             scale = np.sqrt(own[i, kept].sum() * own[j, kept].sum())
             together[i, j] = together[j, i] = float(both[kept].real.sum() / scale) if scale > 0.0 else 0.0
     return median, hum, rails, together
@@ -139,7 +139,7 @@ def _median_frequency(x: np.ndarray, fs: float) -> float:
 
     It is NaN if the muscle is then hardly more active than in the rest.
     """
-    f, _, power = signal.spectrogram(x, fs, nperseg=round(RAW_LIMITS.spectrum_window_s * fs), detrend="constant")
+    f, _, power = scipy.signal.spectrogram(x, fs, nperseg=round(RAW_LIMITS.spectrum_window_s * fs), detrend="constant")
     line = (
         np.min([np.abs(f - m * h) for m in RAW_LIMITS.mains_hz for h in range(1, 10)], axis=0)
         <= 0.75 / RAW_LIMITS.spectrum_window_s

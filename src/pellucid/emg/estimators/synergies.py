@@ -27,7 +27,6 @@ Muscle synergies from arrays of envelopes.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -37,6 +36,7 @@ from numpy.typing import ArrayLike
 
 from ..._errors import IdentificationError
 from ..._tabular import data_frame, html_table, text_table
+from ...numerics.nonnegative_factors import nonnegative_factors
 from .cross_validation import block_folds
 
 
@@ -47,7 +47,7 @@ class SynergySettings:
     No measurement is recorded for what is chosen by judgement.
     """
 
-    seed: int = 19990  # Seed of the factorisation, and of random draws of weights
+    seed: int = 19990  # Seed of random draws of weights
     max_iterations: int = 500  # Largest number of iterations of the factorisation
     # Smallest number of muscles by default. Two muscles have a single synergy, their common activation.
     min_muscles: int = 3
@@ -178,25 +178,10 @@ def find_synergies(
     envelopes: np.ndarray, muscles: Sequence[str], number: int, *, min_muscles: int = SYNERGY_FIT.min_muscles
 ) -> Synergies:
     """Factor envelopes, shape (n, m) [1], into a `number` of synergies."""
-    from sklearn.decomposition import NMF
-    from sklearn.exceptions import ConvergenceWarning
-
     e = require_envelopes(envelopes, muscles, min_muscles)
     if not 1 <= number <= len(muscles):
         raise IdentificationError(f"synergies: found {number}, expected 1 to {len(muscles)}, as many as muscles")
-    model = NMF(
-        number,
-        init="nndsvda",
-        solver="cd",
-        max_iter=SYNERGY_FIT.max_iterations,
-        tol=1e-4,
-        random_state=SYNERGY_FIT.seed,
-    )
-    with warnings.catch_warnings():
-        # The factors then hardly change any more. Their last digits do not matter.
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        activations = model.fit_transform(e)
-    weights = model.components_
+    activations, weights = nonnegative_factors(e, number, SYNERGY_FIT.max_iterations)
     top = weights.max(axis=1)
     top = np.where(top > 0.0, top, 1.0)
     left = np.mean((e - activations @ weights) ** 2) / np.mean((activations * top) ** 2)

@@ -14,7 +14,7 @@ from ..._processes import results_with_helpers
 from .cross_validation import Fold, Score, block_folds, first_best, grouped_folds, score, weighted_rmse
 from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family, Regressor
-from .torque_regressor import find_row_weights, smooth
+from .feature_scale import find_row_weights, smooth
 from .torque_trial import ENVELOPE_LAGS_S, Features, FeatureSet, TorqueTrial, compute_features
 
 

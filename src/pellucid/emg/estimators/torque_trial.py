@@ -24,6 +24,7 @@ import numpy as np
 from ..._errors import IdentificationError, RecordingError
 from ...files.recording import Recording
 from ...numerics.filters import central_difference, zero_phase_lowpass
+from ...numerics.low_pass import butterworth, filter_settled
 from ..models.hill import HillMuscle
 from ..models.muscle_geometry import MusclePolynomial, muscle_table
 
@@ -383,10 +384,6 @@ def filter_and_differentiate(q: np.ndarray, fs: float, *, causal: bool) -> tuple
         q = zero_phase_lowpass(q, MOTION_LOWPASS_HZ, 4, fs)
         v = central_difference(q, fs)
         return q, v, central_difference(v, fs)
-    from scipy import signal  # loads slowly, and a check of study.toml does not need it
-
-    sos = signal.butter(2, CAUSAL_MOTION_LOWPASS_HZ, fs=fs, output="sos")
-    # The filter starts as if the first angle had lasted, so that no step has to settle.
-    q, _ = signal.sosfilt(sos, q, zi=signal.sosfilt_zi(sos) * q[0])
+    q = filter_settled(butterworth(2, 2.0 * CAUSAL_MOTION_LOWPASS_HZ / fs)[0], q)
     v = fs * np.diff(q, prepend=q[0])
     return q, v, fs * np.diff(v, prepend=v[0])

@@ -1,4 +1,4 @@
-"""Bagged and boosted trees: scikit-learn's ensembles, with trees grown in the core.
+"""One tree, bagged and boosted trees: scikit-learn's, grown in the core.
 
 Fitted recordings are short, and dozens of ensembles are fitted to choose features and settings. scikit-learn sorts the
 rows of every node anew; the core sorts them once for all trees of an ensemble. Random draws and results are equal to
@@ -7,23 +7,24 @@ scikit-learn's, which tests check.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..._core import SortedRows, drawn_rows, tree_answers
+from .plain_regressor import PlainRegressor
 
 MAX_SEED = np.iinfo(np.int32).max
 """Upper bound of the seeds that are drawn for each bagged tree and for the features at its splits."""
 
 
-class _TreeEnsemble(RegressorMixin, BaseEstimator):
-    """Common base of both ensembles. Features are in single precision, in which trees compare them."""
+class _TreeRegressor(PlainRegressor):
+    """Common base. Features are in single precision, in which trees compare them."""
 
-    def _check_fitted_rows(self, X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return checked features and torque for the fit."""
-        X, y = validate_data(self, X, y, dtype=np.float32, y_numeric=True)
-        return X, np.asarray(y, float)
+    DTYPE = np.float32
+
+    min_samples_leaf: int
+    max_features: float | None = None
 
     def _tree_settings(self, X: np.ndarray, per_split: int = 2, leaves: int = 0) -> dict[str, int]:
         """Return the settings with which the core grows each tree."""
@@ -34,28 +35,37 @@ class _TreeEnsemble(RegressorMixin, BaseEstimator):
             "per_split": max(per_split, 2 * self.min_samples_leaf),
         }
 
-    def _check_new_rows(self, X: np.ndarray) -> np.ndarray:
-        """Return checked features for a prediction."""
-        check_is_fitted(self)
-        return validate_data(self, X, dtype=np.float32, order="C", reset=False)
+
+@dataclass(eq=False)
+class OneTree(_TreeRegressor):
+    """A single tree of all rows and features."""
+
+    min_samples_leaf: int = 1
+    min_samples_split: int = 2
+    random_state: int = 0
+
+    def fit(self, X: np.ndarray, y: np.ndarray, row_weight: np.ndarray | None = None) -> OneTree:
+        """Grow the tree of `X`, shape (n, k), for `y`, shape (n,), with `row_weight`, shape (n,)."""
+        X, y = self._check_fitted_rows(X, y)
+        seed = np.random.RandomState(self.random_state).randint(MAX_SEED)
+        weight = np.ones(len(y)) if row_weight is None else row_weight
+        self.tree_ = SortedRows(X).grown(y, weight, seed, **self._tree_settings(X, self.min_samples_split))
+        return self
+
+    def predict(self, X: np.ndarray) -> np.ndarray:
+        """Torque for features, shape (n,), from `X` of shape (n, k)."""
+        return tree_answers(self.tree_, self._check_new_rows(X))
 
 
-class BaggedTrees(_TreeEnsemble):
-    """Average of trees of rows drawn with replacement: a random forest, as a scikit-learn estimator."""
+@dataclass(eq=False)
+class BaggedTrees(_TreeRegressor):
+    """Average of trees of rows drawn with replacement: a random forest."""
 
-    def __init__(
-        self,
-        n_estimators: int = 100,
-        min_samples_leaf: int = 1,
-        min_samples_split: int = 2,
-        max_features: float = 1.0,
-        random_state: int = 0,
-    ):
-        self.n_estimators = n_estimators
-        self.min_samples_leaf = min_samples_leaf
-        self.min_samples_split = min_samples_split
-        self.max_features = max_features
-        self.random_state = random_state
+    n_estimators: int = 100
+    min_samples_leaf: int = 1
+    min_samples_split: int = 2
+    max_features: float = 1.0
+    random_state: int = 0
 
     def fit(self, X: np.ndarray, y: np.ndarray, row_weight: np.ndarray | None = None) -> BaggedTrees:
         """Grow the trees of `X`, shape (n, k), for `y`, shape (n,), with `row_weight`, shape (n,)."""
@@ -81,26 +91,17 @@ class BaggedTrees(_TreeEnsemble):
         return total / len(self.trees_)
 
 
-class BoostedTrees(_TreeEnsemble):
-    """Sum of trees, each fitted to the residual of those before it: least squares, as a scikit-learn estimator."""
+@dataclass(eq=False)
+class BoostedTrees(_TreeRegressor):
+    """Sum of trees, each fitted to the residual of those before it: least squares."""
 
-    def __init__(
-        self,
-        n_estimators: int = 100,
-        learning_rate: float = 0.1,
-        max_leaf_nodes: int = 11,
-        min_samples_leaf: int = 1,
-        subsample: float = 1.0,
-        max_features: float | None = None,
-        random_state: int = 0,
-    ):
-        self.n_estimators = n_estimators
-        self.learning_rate = learning_rate
-        self.max_leaf_nodes = max_leaf_nodes
-        self.min_samples_leaf = min_samples_leaf
-        self.subsample = subsample
-        self.max_features = max_features
-        self.random_state = random_state
+    n_estimators: int = 100
+    learning_rate: float = 0.1
+    max_leaf_nodes: int = 11
+    min_samples_leaf: int = 1
+    subsample: float = 1.0
+    max_features: float | None = None
+    random_state: int = 0
 
     def fit(self, X: np.ndarray, y: np.ndarray, row_weight: np.ndarray | None = None) -> BoostedTrees:
         """Grow the trees of `X`, shape (n, k), for `y`, shape (n,), with `row_weight`, shape (n,)."""

@@ -38,7 +38,7 @@ from ..models.hill import HillModel, HillMuscle
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score
 from .hill import AssistedMuscles, HillMap, HillTogether, TrialByJoint, make_folds
 from .muscle_trials import count_warm_up_samples, make_muscle_samples_across
-from .neural_network import Ridge
+from .ridge import Ridge
 from .synergies import SYNERGY_FIT, Synergies, find_synergies, r_squared, vaf
 from .torque_trial import MUSCLE_BY_CHANNEL_ALIAS, TorqueTrial, filter_and_differentiate
 

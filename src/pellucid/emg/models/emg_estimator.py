@@ -22,6 +22,7 @@ from ..._atomic import write_text_atomically
 from ..._errors import PellucidError
 from ...models.card import CARD_FORMAT, CardParameter, read_table
 from ...models.card_schema import MAX_CARD_NUMBER, fields_of, require_between, require_sound
+from ...numerics.low_pass import butterworth
 from .hill import MUSCLE_QUANTITIES
 from .muscle_geometry import MuscleSurface
 
@@ -197,8 +198,6 @@ class EmgEstimatorCard:
 
     def arrays(self, period: float | None = None) -> dict:
         """Arguments of the core's estimator, by name."""
-        from scipy.signal import butter
-
         names, step, count = [channel.name for channel in self.channels], self.at(period), len(MUSCLE_QUANTITIES)
         known = {name: i for i, name in enumerate(self.features)} | {"": -1}
         return {
@@ -211,7 +210,7 @@ class EmgEstimatorCard:
             "joints": [(self.angles.index(j.name), j.offset, j.stiffness, j.damping, j.limit) for j in self.joints],
             "terms": [[(t.weight, known[t.first], known[t.second]) for t in j.terms] for j in self.joints],
             "lags": [self.periods(lag, step) for lag in self.lags],
-            "motion": butter(2, self.motion_lowpass, fs=1.0 / step, output="sos"),
+            "motion": butterworth(2, 2.0 * self.motion_lowpass * step),
             "before": np.array(self.before).reshape(-1, 6) if self.chain != "none" else None,
             "after": np.array(self.after).reshape(-1, 6) if self.chain != "none" else None,
             "gamma": self.gamma,

@@ -21,8 +21,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import signal
 
 from ... import _core
 from ..._errors import RecordingError
@@ -102,10 +102,10 @@ class Stage:
     def sections(self, fs: float) -> np.ndarray:
         """Second-order sections at a rate of `fs` [Hz]; shape (k, 6), none for what is no filter."""
         if self.kind == "notch":
-            return signal.tf2sos(*signal.iirnotch(self.cutoff[0], self.quality, fs=fs))
+            return scipy.signal.tf2sos(*scipy.signal.iirnotch(self.cutoff[0], self.quality, fs=fs))
         if self.kind in FILTER_STAGES:
             edges = self.cutoff if self.kind == "bandpass" else self.cutoff[0]
-            return signal.butter(self.order, edges, self.kind, fs=fs, output="sos")
+            return scipy.signal.butter(self.order, edges, self.kind, fs=fs, output="sos")
         return np.empty((0, 6))
 
     def settling(self, fs: float) -> int:
@@ -197,7 +197,7 @@ class EmgChain:
             if stage.kind not in FILTER_STAGES:
                 x = self._plain(stage, x, fs, maximum, causal=causal)
                 continue
-            x = signal.sosfilt(stage.sections(fs), x) if causal else self._both_ways(stage, x, fs, rectified)
+            x = scipy.signal.sosfilt(stage.sections(fs), x) if causal else self._both_ways(stage, x, fs, rectified)
             x = np.maximum(x, 0.0) if rectified else x
         return x
 
@@ -211,7 +211,7 @@ class EmgChain:
                 f"{stage.kind} of order {stage.order} run both ways"
             )
         padding = min(stage.settling(fs), len(x) - 1)
-        return signal.sosfiltfilt(sos, x, padtype="even" if rectified else "odd", padlen=padding)
+        return scipy.signal.sosfiltfilt(sos, x, padtype="even" if rectified else "odd", padlen=padding)
 
     def stream(self, fs: float, *, maximum: float | None = None) -> EmgStream:
         """The causal chain for samples that come one after another. `fs` [Hz]."""

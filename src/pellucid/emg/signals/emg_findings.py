@@ -22,8 +22,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import signal
 
 from ..._errors import PellucidError
 from ...numerics.arguments import with_checked_arguments
@@ -402,7 +402,7 @@ def is_envelope(x: np.ndarray, rate: float) -> bool:
         return True
     if abs(float(known.mean())) < 0.5 * float(np.std(known)):
         return False
-    frequency, density = signal.welch(known, rate, nperseg=round(2.0 * rate), detrend="constant")
+    frequency, density = scipy.signal.welch(known, rate, nperseg=round(2.0 * rate), detrend="constant")
     power = float(density[frequency >= 0.5].sum())
     return power > 0.0 and float(density[frequency > 20.0].sum()) < FINDING_LIMITS.min_carrier_share * power
 
@@ -427,7 +427,7 @@ def mains_rms(x: np.ndarray, rate: float) -> tuple[float, float]:
     """Return the frequency of the mains [Hz] that a channel, (n,), shows more of, and the RMS of its lines."""
     if len(x) < 2.0 * rate:
         return 50.0, 0.0
-    frequency, density = signal.welch(x, rate, nperseg=min(len(x), round(2.0 * rate)), detrend="linear")
+    frequency, density = scipy.signal.welch(x, rate, nperseg=min(len(x), round(2.0 * rate)), detrend="linear")
     step = frequency[1] - frequency[0]
     best = (50.0, 0.0)
     for mains in (50.0, 60.0):
@@ -450,18 +450,18 @@ def _slow_findings(name: int | str, x: np.ndarray, rate: float, unit: str, scale
         return []
     x = without_short_peaks(x, rate)
     low, high = FINDING_LIMITS.motion_band_hz
-    sos = signal.butter(2, [4.0, min(40.0, 0.45 * rate)], "bandpass", fs=rate, output="sos")
-    slow = signal.sosfiltfilt(sos, x)
+    sos = scipy.signal.butter(2, [4.0, min(40.0, 0.45 * rate)], "bandpass", fs=rate, output="sos")
+    slow = scipy.signal.sosfiltfilt(sos, x)
     for mains in (50.0, 60.0):
         if mains < 0.45 * rate:
-            slow = signal.filtfilt(*signal.iirnotch(mains, NOTCH_QUALITY, rate), slow)
+            slow = scipy.signal.filtfilt(*scipy.signal.iirnotch(mains, NOTCH_QUALITY, rate), slow)
     beat = heartbeat(slow, rate)
     if beat is not None:
         first, last, size = beat
         said = f"complexes of {size_text(size, unit)}, alike, at the rate of a heart"
         return [EmgFinding(name, "heartbeat", first, last, size, CONSEQUENCES["heartbeat"], said)]
-    band = signal.sosfiltfilt(signal.butter(2, [low, high], "bandpass", fs=rate, output="sos"), x)
-    above = signal.sosfiltfilt(signal.butter(2, low, "highpass", fs=rate, output="sos"), x)
+    band = scipy.signal.sosfiltfilt(scipy.signal.butter(2, [low, high], "bandpass", fs=rate, output="sos"), x)
+    above = scipy.signal.sosfiltfilt(scipy.signal.butter(2, low, "highpass", fs=rate, output="sos"), x)
     rms, whole = float(np.std(band)), float(np.std(above))
     if rms**2 > FINDING_LIMITS.max_motion_share * whole**2 and rms > FINDING_LIMITS.min_motion_v * scale:
         strong = np.flatnonzero(np.abs(band) > 2.0 * rms)
@@ -480,7 +480,7 @@ def _single_movements(
     """
     count = max(2, round(FINDING_LIMITS.motion_window_s * rate))
     window = np.full(count, 1.0 / count)
-    low, high = (np.sqrt(np.maximum(signal.oaconvolve(x**2, window, "same"), 0.0)) for x in (band, rest))
+    low, high = (np.sqrt(np.maximum(scipy.signal.oaconvolve(x**2, window, "same"), 0.0)) for x in (band, rest))
     usual = float(np.median(low))
     is_moved = (
         (low > FINDING_LIMITS.min_motion_rise * usual)
@@ -565,7 +565,7 @@ def heartbeat(slow: np.ndarray, rate: float) -> tuple[float, float, float] | Non
     spread = float(np.median(height)) / 0.6745
     if spread == 0.0:
         return None
-    peaks, _ = signal.find_peaks(height, height=4.0 * spread, distance=max(1, round(0.7 * rate / fastest)))
+    peaks, _ = scipy.signal.find_peaks(height, height=4.0 * spread, distance=max(1, round(0.7 * rate / fastest)))
     reach, wide = max(2, round(0.06 * rate)), round(0.15 * rate)
     peaks = peaks[(peaks >= wide) & (peaks < len(slow) - wide)]
     if len(peaks) < FINDING_LIMITS.min_complex_count:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 import numpy as np
-from scipy import signal
+import scipy
 
 
 @dataclass(frozen=True)
@@ -61,16 +61,16 @@ def electrode_places(emg: np.ndarray, rate: float) -> ElectrodePlaces | None:
     if known.mean() < 0.8 or not known.any(axis=0).all():
         return None
     centred = np.where(known, emg - np.nanmean(emg, axis=0), 0.0)
-    passed = signal.sosfiltfilt(signal.butter(2, 20.0, "highpass", fs=rate, output="sos"), centred, axis=0)
+    passed = scipy.signal.sosfiltfilt(scipy.signal.butter(2, 20.0, "highpass", fs=rate, output="sos"), centred, axis=0)
     if not (passed.std(axis=0) > 0.0).all():
         return None
-    low = signal.butter(2, EXCHANGE_LIMITS.envelope_hz, fs=rate, output="sos")
-    envelope = np.maximum(signal.sosfiltfilt(low, np.abs(passed), axis=0), 1e-3 * np.abs(passed).mean(axis=0))
+    low = scipy.signal.butter(2, EXCHANGE_LIMITS.envelope_hz, fs=rate, output="sos")
+    envelope = np.maximum(scipy.signal.sosfiltfilt(low, np.abs(passed), axis=0), 1e-3 * np.abs(passed).mean(axis=0))
     features, timing = [], []
     for k in range(count):
         part = slice(k * size, (k + 1) * size)
         sizes = np.log(np.quantile(envelope[part], (0.1, 0.5, 0.9), axis=0))
-        frequency, density = signal.welch(passed[part], rate, nperseg=min(size, 512), axis=0)
+        frequency, density = scipy.signal.welch(passed[part], rate, nperseg=min(size, 512), axis=0)
         shares = [density[(frequency >= a) & (frequency < b)].sum(axis=0) for a, b in pairwise(edges)]
         shares = np.log(np.maximum(np.array(shares) / np.sum(shares, axis=0), 1e-4))
         features.append(np.vstack([sizes, shares]).T)

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import PellucidError
-from ...emg.estimators.neural_network import Ridge
+from ...emg.estimators.ridge import Ridge
 from ...study.instruments_table import ContractionTask, HoldingTask, PointingTask, TrackingTask
 from .trial_plan import PlannedTrial
 

@@ -20,7 +20,7 @@ RIDGE_SETTINGS = tuple(
 
 def make_ridge(settings: Mapping[str, Any], seen: Features) -> Regressor:
     """Make a ridge regression on features, and on products of none of them, of motion's features, or of all."""
-    from ..neural_network import Ridge
+    from ..ridge import Ridge
 
     products = settings.get("products", "none")
     columns = {"none": (), "motion": seen.motion, "all": tuple(range(len(seen.names)))}[products]

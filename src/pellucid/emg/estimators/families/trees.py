@@ -1,4 +1,4 @@
-"""Trees: one of them from scikit-learn, bagged ones, and least-squares boosting."""
+"""Trees: one of them, bagged ones, and least-squares boosting."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ BOOSTED_TREES = {"n_estimators": 100, "learning_rate": 1.0, "max_leaf_nodes": 11
 
 def make_tree(settings: Mapping[str, Any], seen: Features) -> Regressor:
     """Make one regression tree."""
-    from sklearn.tree import DecisionTreeRegressor
+    from ..tree_ensembles import OneTree
 
-    return DecisionTreeRegressor(random_state=SEED, **settings)
+    return OneTree(random_state=SEED, **settings)
 
 
 def make_bagged_trees(settings: Mapping[str, Any], seen: Features) -> Regressor:
@@ -70,7 +70,7 @@ FAMILIES = {
     ),
     "tree": Family(
         "one tree", make_tree, tuple({"min_samples_leaf": leaf} for leaf in (5, 10, 20, 40)), rank=30, colour="load",
-        weight_argument="sample_weight",
+        weight_argument="row_weight",
     ),
     **{
         f"{name}_published": Family(

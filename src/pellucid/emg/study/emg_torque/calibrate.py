@@ -36,10 +36,10 @@ from ...estimators.condition_choice import ERROR_BAND, Examination, run_tests_if
 from ...estimators.cross_validation import Score, score
 from ...estimators.emg_worth import EmgWorth
 from ...estimators.families import ESTIMATOR_FAMILIES, STACKED, named_family
+from ...estimators.feature_scale import smoothing_delay
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import JointStiffness
 from ...estimators.torque_map import CrossValidated, MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
-from ...estimators.torque_regressor import smoothing_delay
 from ...estimators.torque_trial import TorqueTrial, group_pieces
 from ...models.emg_estimator import ESTIMATOR_KINDS
 from ..muscle_channels import mains_verdicts, study_chain
