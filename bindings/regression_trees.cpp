@@ -79,6 +79,7 @@ Returns
 
 constexpr float apart = 1e-7f;       // Values no further apart are one
 constexpr double epsilon = 2.220446049250313e-16;
+constexpr double rounding = 1e-13;   // Share by which rounding may part two sums of positive terms
 constexpr std::int32_t none = -1;
 
 /// The draws of scikit-learn's splitter, of Marsaglia's xorshift.
@@ -126,11 +127,12 @@ struct Sorted {
 class Growth {
  public:
   Growth(const Sorted& rows, const double* y, const double* times, const Settings& settings, std::uint32_t seed)
-      : rows_(rows), settings_(settings), y_(y), times_(times), draws_(seed), wy_(rows.n), leftward_(rows.n),
+      : rows_(rows), settings_(settings), y_(y), times_(times), draws_(seed), wy_(rows.n), pairs_(rows.n), leftward_(rows.n),
         features_(rows.k), constants_(rows.k) {
     samples_.reserve(rows.n);
     for (std::size_t i = 0; i < rows.n; ++i) {
       wy_[i] = times[i] * y[i];
+      pairs_[i] = {wy_[i], times[i]};
       whole_ += times[i];
       if (times[i] != 0.0) samples_.push_back(static_cast<std::uint32_t>(i));
     }
@@ -195,7 +197,7 @@ class Growth {
       const Part part = open.back();
       open.pop_back();
       if (part.at == part.last) continue;
-      --splits;
+      if (--splits == 0) is_last_ = true;  // nothing below is split
       const auto [left, right] = split(part, 0);
       const Part parts[] = {placed(left), placed(right)};
       for (const Part& each : parts) {
@@ -225,7 +227,7 @@ class Growth {
       (waiting.left ? nodes_[waiting.parent].left : nodes_[waiting.parent].right) =
           static_cast<std::int32_t>(nodes_.size());
     nodes_.push_back(node);
-    if (count < settings_.per_split || count < 2 * settings_.per_leaf || impurity <= epsilon) return part;
+    if (is_last_ || is_small(count) || impurity <= epsilon) return part;
     search(part, sum, weight);
     if (part.at == part.last) return part;
     gain(part, sum, squares, weight, impurity);
@@ -235,6 +237,9 @@ class Growth {
     }
     return part;
   }
+
+  /// Whether a node has too few samples to be split.
+  bool is_small(std::size_t count) const { return count < settings_.per_split || count < 2 * settings_.per_leaf; }
 
   /// The best split over features drawn; those found not to vary are not drawn again below.
   void search(Part& part, double sum, double weight) {
@@ -277,32 +282,44 @@ class Growth {
       if (i < least || count - i < least || x[rows[i]] <= x[rows[i - 1]] + apart) continue;
       if (i - before <= count - i) {
         for (; before < i; ++before) {
-          sums += wy_[rows[before]];
-          weights += times_[rows[before]];
+          sums += pairs_[rows[before]].wy;
+          weights += pairs_[rows[before]].weight;
         }
       } else {  // from the nearer end
         sums = sum;
         weights = weight;
         for (before = count; before > i;) {
           --before;
-          sums -= wy_[rows[before]];
-          weights -= times_[rows[before]];
+          sums -= pairs_[rows[before]].wy;
+          weights -= pairs_[rows[before]].weight;
         }
       }
       sums_[places] = sums;
       weights_[places] = weights;
       at_[places++] = i;
     }
-    double most = best;
+    // One division in place of two finds the few places that may be the best; these are then compared exactly.
+    double near = 0.0;
     for (std::size_t i = 0; i < places; ++i) {
-      const double other = sum - sums_[i];
-      gains_[i] = sums_[i] * sums_[i] / weights_[i] + other * other / (weight - weights_[i]);
+      const double other = sum - sums_[i], rest = weight - weights_[i];
+      gains_[i] = (sums_[i] * sums_[i] * rest + other * other * weights_[i]) / (weights_[i] * rest);
     }
-    for (std::size_t i = 0; i < places; ++i) most = gains_[i] > most ? gains_[i] : most;
-    if (!(most > best)) return;
+    for (std::size_t i = 0; i < places; ++i) near = gains_[i] > near ? gains_[i] : near;
+    near *= 1.0 - rounding;
+    if (!(near * (1.0 + 3.0 * rounding) > best)) return;
+    double most = best;
+    std::size_t place = places;  // the first of equals
+    for (std::size_t i = 0; i < places; ++i) {
+      if (gains_[i] < near) continue;
+      const double other = sum - sums_[i];
+      const double gain = sums_[i] * sums_[i] / weights_[i] + other * other / (weight - weights_[i]);
+      if (gain > most) {
+        most = gain;
+        place = i;
+      }
+    }
+    if (place == places) return;
     best = most;
-    std::size_t place = 0;  // the first of equals
-    while (gains_[place] != most) ++place;
     const std::size_t at = at_[place];
     part.at = part.first + at;
     part.feature = feature;
@@ -346,8 +363,9 @@ class Growth {
     Node& node = nodes_[part.node];
     node.feature = static_cast<std::int32_t>(part.feature);
     node.number = part.threshold;
+    const bool is_searched = !is_last_ && !(is_small(part.at - part.first) && is_small(part.last - part.at));
     for (std::size_t i = part.first; i < part.last; ++i) leftward_[samples_[i]] = i < part.at;
-    for (std::size_t f = 0; f < rows_.k; ++f) {
+    for (std::size_t f = 0; is_searched && f < rows_.k; ++f) {
       std::uint32_t *from = list(f) + part.first, *const end = list(f) + part.last, *to = from, *aside = spare_.data();
       for (; from < end; ++from) {
         const std::uint32_t row = *from, is_left = leftward_[row];
@@ -369,7 +387,12 @@ class Growth {
   const double *y_, *times_;
   Draws draws_;
   double whole_ = 0.0;
+  bool is_last_ = false;
   std::vector<double> wy_;
+  struct Pair {
+    double wy, weight;
+  };
+  std::vector<Pair> pairs_;  // Side by side, as searches read them
   std::vector<std::uint8_t> leftward_;
   std::vector<std::size_t> features_, constants_, at_;
   std::vector<std::uint32_t> samples_, lists_, spare_;

@@ -30,7 +30,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dposv
 
 from ..._errors import IdentificationError
 from .feature_scale import mean_and_scale
@@ -92,8 +93,7 @@ class AdaptiveCorrection:
                 if newest < last[begin]:
                     break
                 own = slice(i, i + kept)
-                factor = cho_factor(gram[own, own], lower=True, check_finite=False)
-                weights = cho_solve(factor, error[known[own]], check_finite=False)
+                _, weights, _ = dposv(gram[own, own], error[known[own]], lower=1)
                 here = slice(newest + 1, newest + 1 + every)
                 corrected[here] += _kernel(z[here], z[known[own]], self.length) @ weights
         return corrected

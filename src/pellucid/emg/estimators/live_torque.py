@@ -122,6 +122,26 @@ class LiveTorque:
         torque = self._core.run(np.round(1e6 * np.asarray(time, float)), rows("EMG", self.channels, emg), angle)[0]
         return dict(zip(self.joints, torque, strict=True))
 
+    def find_changes(
+        self, time: np.ndarray, emg: Mapping[str, np.ndarray], angles: Mapping[str, np.ndarray]
+    ) -> dict[str, tuple[int, float]]:
+        """Advance as `run` does and return, by channel that the watch names, its first index and its largest loss."""
+        found: dict[int, tuple[int, float]] = {}
+        envelopes, turned = (
+            np.column_stack([np.asarray(x, float) for x in self._ordered_values(what, names, given)])
+            for what, names, given in (("EMG", self.channels, emg), ("angles", self.card.angles, angles))
+        )
+        turned = self._gain * turned
+        for i, at in enumerate(np.round(1e6 * np.asarray(time, float)).astype(int).tolist()):
+            self._core.step(at, envelopes[i], turned[i])
+            if changed := self._core.changed:
+                losses = self._core.losses
+                for k in range(len(self.channels)):
+                    if changed >> k & 1:
+                        first, largest = found.get(k, (i, 0.0))
+                        found[k] = first, max(largest, float(losses[k]))
+        return {self.channels[k]: each for k, each in found.items()}
+
     @property
     def losses(self) -> dict[str, float]:
         """Share of the torque's variance that each channel's change may cost, by the watch's last step [1]."""

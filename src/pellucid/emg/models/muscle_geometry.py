@@ -47,6 +47,17 @@ from .hill import HillMuscle
 _DATA_FOLDER = Path(__file__).parent / "data"
 
 
+@dataclass(frozen=True)
+class KeptPaths:
+    """Evaluations of a muscle's path that are kept for other estimators of the same recordings."""
+
+    max_count: int = 24
+    max_size: int = 8192  # Largest number of angles in a kept evaluation
+
+
+KEPT_PATHS = KeptPaths()
+
+
 class LengthOverAngles:
     """Length as a smooth function of `angles` within their `range`, straight beyond."""
 
@@ -110,7 +121,19 @@ class MuscleGeometry(LengthOverAngles):
 
     def _inside(self, points: np.ndarray, *derivatives: int) -> np.ndarray:
         order = [derivatives.count(k) for k in range(len(self.angles))]
-        return self._product(points, nu=order)
+        if points.size > KEPT_PATHS.max_size:
+            return self._product(points, nu=order)
+        key = (points.tobytes(), *order)
+        if key not in self._kept:
+            if len(self._kept) >= KEPT_PATHS.max_count:
+                del self._kept[next(iter(self._kept))]
+            self._kept[key] = self._product(points, nu=order)
+        return self._kept[key].copy()
+
+    @cached_property
+    def _kept(self) -> dict[tuple, np.ndarray]:
+        """Last lengths and derivatives: many estimators are fitted to the same few recordings."""
+        return {}
 
     @cached_property
     def _product(self):

@@ -104,28 +104,20 @@ def _find_changes(card: EmgEstimatorCard, trial: TorqueTrial) -> tuple[ChannelCh
     """
     if card.watch is None:
         return ()
-    live = LiveTorque(card)
-    largest: dict[str, float] = {}
-    first: dict[str, float] = {}
-    emg = {channel.name: trial.envelopes[channel.name] for channel in card.channels}
-    angles: Mapping[str, np.ndarray] = {name: trial.angles[name] for name in card.angles}
-    for i in range(len(trial)):
-        made = live.step(
-            1.0 + i * card.period, {m: x[i] for m, x in emg.items()}, {name: q[i] for name, q in angles.items()}
-        )
-        if made.changed:
-            losses = live.losses
-            largest |= {m: max(losses[m], largest.get(m, 0.0)) for m in made.changed}
-            first = dict.fromkeys(made.changed, float(trial.time[i])) | first
+    found = LiveTorque(card).find_changes(
+        1.0 + card.period * np.arange(len(trial)),
+        {channel.name: trial.envelopes[channel.name] for channel in card.channels},
+        {name: trial.angles[name] for name in card.angles},
+    )
     return tuple(
         ChannelChange(
             muscle,
             CONSEQUENCE_KIND,
-            f"a relation of signal and movement that changed at {first[muscle]:.1f} s, which may reduce R² of the "
+            f"a relation of signal and movement that changed at {trial.time[first]:.1f} s, which may reduce R² of the "
             f"torque there by {loss:.2f}",
             "the same relation as in the fitted recordings",
         )
-        for muscle, loss in largest.items()
+        for muscle, (first, loss) in found.items()
         if loss >= WATCH_DEFAULTS.max_loss
     )
 
