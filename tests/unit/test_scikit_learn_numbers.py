@@ -22,8 +22,8 @@ def test_a_network_is_that_of_scikit_learn(rng):
     y = np.sin(x[:, 0]) + 0.1 * x[:, 1] ** 2
     mean, scale = mean_and_scale(x)
     reference = MLPRegressor(
-        hidden_layer_sizes=(HIDDEN_NEURON_COUNT,), activation="tanh", solver="lbfgs", alpha=0.1, max_iter=MAX_TRAINING_STEPS,
-        random_state=SEED,
+        hidden_layer_sizes=(HIDDEN_NEURON_COUNT,), activation="tanh", solver="lbfgs", alpha=0.1,
+        max_iter=MAX_TRAINING_STEPS, random_state=SEED,
     ).fit((x - mean) / scale, (y - y.mean()) / y.std())  # fmt: skip
     expected = y.mean() + y.std() * reference.predict((x - mean) / scale)
     np.testing.assert_allclose(NeuralNetwork(0.1).fit(x, y).predict(x), expected, rtol=1e-9, atol=1e-9)

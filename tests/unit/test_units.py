@@ -103,8 +103,11 @@ def test_texts_in_si_are_what_pint_says_of_them_and_need_no_pint():
     parsed = [units._parse(text, "") for text in units._SI_TEXTS]
     assert all(factor == 1.0 and zero == 0.0 for factor, zero, _ in parsed)
     assert len({dimension for *_, dimension in parsed}) == len(parsed)
+    for unit, (factor, text) in units._COMMON_UNITS.items():
+        assert units._parse(unit, "") == (factor, 0.0, units._parse(text, "")[2])
     code = (
-        "import sys; from pellucid.units import parse_quantity as p, si_text; p('60 N*m', 'N*m', ''); si_text('rad/s')"
+        "import sys; from pellucid.units import parse_quantity as p, si_text; p('60 N*m', 'N*m', ''); si_text('rad/s');"
+        "p('3 deg', 'rad', ''); p('5 ms', ('s', 'm'), '')"
     )
     run = subprocess.run(
         [sys.executable, "-c", f"{code}; print('pint' in sys.modules)"], capture_output=True, text=True

@@ -20,7 +20,7 @@ class PlainRegressor:
     DTYPE: type = np.float64
     """Precision of the features."""
 
-    column_count_: int
+    n_features_in_: int
     """Number of columns that it was fitted to."""
 
     def get_params(self) -> dict[str, Any]:
@@ -32,14 +32,14 @@ class PlainRegressor:
         X, y = self._check_rows(X), np.asarray(y, float)
         if y.shape != X.shape[:1] or not np.isfinite(y).all():
             raise IdentificationError(f"regression: found torques of shape {y.shape}, expected {len(X)} finite numbers")
-        self.column_count_ = X.shape[1]
+        self.n_features_in_ = X.shape[1]
         return X, y
 
     def _check_new_rows(self, X: np.ndarray) -> np.ndarray:
         """Return checked features, shape (n, k), for a prediction."""
         X = self._check_rows(X)
-        if X.shape[1] != self.column_count_:
-            raise IdentificationError(f"regression: found {X.shape[1]} columns, expected {self.column_count_}")
+        if X.shape[1] != self.n_features_in_:
+            raise IdentificationError(f"regression: found {X.shape[1]} columns, expected {self.n_features_in_}")
         return X
 
     def _check_rows(self, X: np.ndarray) -> np.ndarray:
