@@ -362,7 +362,10 @@ def test_excluded_movements_and_an_unstated_order_have_a_step_each():
         order=None,
     )  # fmt: skip
     excluded, order = assessment_answer._design_steps(found)
-    assert excluded.text.startswith("Record again so that at most 10 % of movements are excluded; here 777 of 1,555")
+    assert excluded.text == (
+        "Record again so that at most 10 % of movements are excluded; here 777 of 1,555 are, with gaps in the recorded "
+        "position"
+    )
     assert order.text.startswith("State in which order each person had the conditions")
     found.left_out, found.is_simulated = {"lost": 7}, True
     assert assessment_answer._design_steps(found) == ()

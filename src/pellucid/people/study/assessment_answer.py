@@ -139,7 +139,7 @@ def _design_steps(found: AssessmentResult) -> tuple[Step, ...]:
     if excluded > allowed * total and not any(map(loss_remedy, found.certified)):
         steps.append(Step(
             f"{_record(found).capitalize()} again so that at most {100.0 * allowed:g} % of movements are excluded; "
-            f"here {excluded:,} of {total:,} are, {_causes_text(found)}"
+            f"here {excluded:,} of {total:,} are, {_reasons_text(found)}"
         ))  # fmt: skip
     if not found.is_simulated and not _order_count(found):
         steps.append(Step(
@@ -371,14 +371,18 @@ def _basis(found: AssessmentResult) -> Basis:
     return Basis(used, used + len(found.without), "participant", movements, more=(_plan_text(found),))
 
 
-def _causes_text(found: AssessmentResult) -> str:
-    """Return why movements are excluded, with the only direction of those in use and the stated rules."""
+def _reasons_text(found: AssessmentResult) -> str:
+    """Return why movements are excluded."""
     reasons = {reason_words(kind): n for kind, n in found.left_out.items() if n}
-    why = ", ".join(f"{n:,} {words}" for words, n in reasons.items()) if len(reasons) > 1 else next(iter(reasons))
+    return ", ".join(f"{n:,} {words}" for words, n in reasons.items()) if len(reasons) > 1 else next(iter(reasons))
+
+
+def _causes_text(found: AssessmentResult) -> str:
+    """Return why movements are excluded, with the stated rules and the only direction of those in use."""
     ways = {movement.cell[1] for movement in found.measured}
     way = f"; all in use go {found.along.ways[ways.pop()]}" if len(ways) == 1 else ""
     stated = f"; stated rule: {', '.join(found.exclusions)}" if found.exclusions else ""
-    return f"{why}{stated}{way}"
+    return f"{_reasons_text(found)}{stated}{way}"
 
 
 def _plan_text(found: AssessmentResult) -> str:
