@@ -75,6 +75,7 @@ class StoredChannel(Channel):
         return self.__dict__["_array"].shape[0]
 
     def within(self, span: slice) -> Channel:
+        """Return the channel with the samples of a stretch, which alone are read."""
         first, stop, step = span.indices(len(self))
         samples = self.__dict__["_array"].read_rows(first, max(first, stop))
         return Channel(self.name, samples[::step], self.unit, self.column)
