@@ -11,6 +11,7 @@ from pellucid.emg.study.emg_force.emg_force_table import EmgForceTable
 from pellucid.emg.study.emg_force.find_emg_force import EmgForceResult, force_answer, summarise_people
 from pellucid.emg.study.emg_torque import calibrate
 from pellucid.models.estimates import Verdict
+from pellucid.orthosis.study.hinge import identify_hinge
 from pellucid.orthosis.study.transfer_function import identify_transfer
 from pellucid.people.study.statements import rule_words
 from pellucid.study.answer import Answer, AnswerPart, Basis, Step, answer_of_parts, next_lines
@@ -173,6 +174,14 @@ def test_the_question_of_a_transfer_function_names_its_input_and_output():
         "Do transfer functions from the torque (input) to the angle (output) predict the angle of held-out data"
     )
     assert "(84.0 to 88.0 %, median 86.0 %)" in answer.sentence
+
+
+def test_the_question_of_a_hinge_names_what_measures_its_angle():
+    """It asked "Is the angle of the hinge that of the reference?", of "the seconds after the calibration"."""
+    trial = SimpleNamespace(name="a", scores={"offline": SimpleNamespace(rms=0.02)})
+    answer = identify_hinge.hinge_answer(SimpleNamespace(trials=[trial], checksums={"a": ""}))
+    assert answer.question == "Do two IMUs measure the hinge's angle within 5 deg RMS of the reference?"
+    assert answer.basis.sentence.endswith("the seconds after the calibration, which were not fitted.")
 
 
 def test_rules_for_movements_are_spelled_out():

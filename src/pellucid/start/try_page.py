@@ -238,7 +238,7 @@ def _held_out_joints(tried: TriedLog) -> list[TriedJoint]:
     return [joint for _, joint in sorted(held, key=lambda each: -each[0])][:MAX_DRAWN_JOINTS]
 
 
-def _efforts(joints: Sequence[TriedJoint], computed: str) -> Drawing:
+def _efforts(joints: Sequence[TriedJoint], computed: str = "") -> Drawing:
     """Draw recorded and predicted efforts on held-out data, a joint beneath another; `computed` as `recorded_word`."""
     figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 1.7 * len(joints)), layout="constrained")
     axes = figure.subplots(len(joints), 1, squeeze=False, sharex=False)[:, 0]

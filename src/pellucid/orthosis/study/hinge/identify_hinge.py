@@ -375,8 +375,8 @@ def hinge_answer(found: HingeResult) -> Answer:
     if judged:
         errors = {trial.name: float(np.degrees(trial.scores["offline"].rms)) for trial in judged}
         text = f"the angle is within {min(errors.values()):.2f} to {max(errors.values()):.2f} deg RMS of the reference"
-        question = f"Is the angle of the hinge that of the reference, within {MAX_ANGLE_ERROR_DEG:g} deg RMS?"
-        quantity, where = "RMS error of the angle", "the seconds after the calibration"
+        question = f"Do two IMUs measure the hinge's angle within {MAX_ANGLE_ERROR_DEG:g} deg RMS of the reference?"
+        quantity, where = "RMS error of the angle", "the seconds after the calibration, which were not fitted"
     else:
         errors = {trial.name: _axis_tilt_deg(trial) for trial in found.trials}
         text = (
