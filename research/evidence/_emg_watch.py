@@ -230,17 +230,26 @@ def moved(envelopes: dict[str, np.ndarray], muscle: str, other: str, kind: str, 
     return {muscle: {"offset": x + OFFSET_SHARE * top, "dead": 0.0 * x, "missing": np.full_like(x, np.nan)}[kind]}
 
 
-def run_live(card: EmgEstimatorCard, trial: TorqueTrial) -> tuple[np.ndarray, np.ndarray, list[set[str]]]:
-    """Return the torque, (n,) [N m], whether it counts as valid, (n,), and the channels that are named, by step."""
+def run_live(
+    card: EmgEstimatorCard, trial: TorqueTrial
+) -> tuple[np.ndarray, np.ndarray, list[set[str]], np.ndarray, np.ndarray]:
+    """Return the torque, (n,) [N m], whether it counts as valid, (n,), and the channels that are named, by step.
+
+    Return also the half width of its interval, (n,) [N m], NaN without one, and of the interval as calibrated.
+    """
     live = LiveTorque(card)
     emg = {c.name: trial.envelopes[c.name] for c in card.channels}
     angles = {a: trial.angles[a] for a in card.angles}
     torque, valid, named = np.zeros(len(trial)), np.zeros(len(trial), bool), []
+    wide, usual = np.full((2, len(trial)), np.nan)
     for i in range(len(trial)):
         made = live.step(1.0 + i * card.period, {m: x[i] for m, x in emg.items()}, {a: q[i] for a, q in angles.items()})
         torque[i], valid[i] = made.torque[card.joints[0].name], made.valid
         named.append({*made.changed, *made.lost})
-    return torque, valid, named
+        if made.half_width:
+            wide[i] = made.half_width[card.joints[0].name]
+            usual[i] = wide[i] / made.widening
+    return torque, valid, named, wide, usual
 
 
 def trailing_error(torque: np.ndarray, trial: TorqueTrial) -> np.ndarray:
@@ -255,13 +264,14 @@ def moved_rows() -> Iterator[ResultRow]:
     """Yield how long a torque counts as valid that is wrong, how soon a costly change is named, and what is wrongly."""
     wrong_time = valid_time = wrongly = whole = costly = in_time = unspoilt_valid = unspoilt = natural = 0
     repaired: list[float] = []
+    covered: dict[str, list[np.ndarray]] = {"widened": [], "as calibrated": []}
     with tempfile.TemporaryDirectory() as folder:
         for _, card, held in live_sessions(Path(folder) / "live"):
             at = round(BEFORE_S * held.fs)
             bare = replace(card, watch=None)
             weights = [w.consequence * w.square for w in card.watch.channels]
             order = [card.channels[i].name for i in np.argsort(weights)[::-1]]
-            before, valid, named = run_live(card, held)
+            before, valid, named, *_ = run_live(card, held)
             plain = run_live(bare, held)[0]
             usual = float(np.sqrt(np.mean((plain - held.torque) ** 2)))
             own = trailing_error(plain, held)
@@ -276,9 +286,12 @@ def moved_rows() -> Iterator[ResultRow]:
                         m: np.where(np.arange(len(held)) < at, x, spoilt.get(m, x)) for m, x in held.envelopes.items()
                     }
                     trial = replace_envelopes(held, envelopes)
-                    torque, valid, named = run_live(card, trial)
+                    torque, valid, named, *widths = run_live(card, trial)
                     unwatched = run_live(bare, trial)[0]
                     after = slice(at, None)
+                    held_by = np.isfinite(widths[0][after])
+                    for each, width in zip(covered.values(), widths, strict=True):
+                        each.append((np.abs(torque - held.torque) <= width)[after][held_by])
                     limit = MAX_VALID_RATIO * np.maximum(usual, own)
                     wrong = valid & (trailing_error(torque, held) > limit)
                     wrong_time, valid_time = wrong_time + int(wrong[after].sum()), valid_time + len(wrong[after])
@@ -308,6 +321,10 @@ def moved_rows() -> Iterator[ResultRow]:
         f"R²; {said}",
     )  # fmt: skip
     yield row("live.wrongly_named_time", 100.0 * wrongly / whole, "%", f"any channel that was not moved; {said}")
+    for name, each in covered.items():
+        share = 100.0 * float(np.mean(np.concatenate(each)))
+        words = f"samples after the move within the 90 % interval {name}, where a torque is estimated; {said}"
+        yield row(f"live.interval.{name.replace(' ', '_')}.covered", share, "%", words)
     yield row("live.valid_unspoilt", 100.0 * unspoilt_valid / unspoilt, "%", "of the time with nothing moved")
     words = f"median gain in R² by the watch where an electrode is silent or dead; {said}"
     yield row("live.silent.gained_r2", float(np.median(repaired)), "1", words)

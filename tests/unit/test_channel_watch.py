@@ -139,6 +139,21 @@ def test_where_most_channels_changed_every_torque_is_zero(watched):
     assert (faults[-1], silent[-1]) == ("unlike", 0.0)
 
 
+def test_where_no_torque_holds_its_interval_has_no_end(watched):
+    trial, live = stride(seed=6), LiveTorque(watched)
+    quiet = [
+        live.step(1.0 + i / FS, {m: 0.2 * x[i] for m, x in trial.envelopes.items()}, {"knee": q})
+        for i, q in enumerate(trial.angles["knee"])
+    ]
+    assert quiet[-1].fault == "unlike"
+    assert quiet[-1].half_width["knee"] == np.inf
+    # The last answer once more has the last interval.
+    again = live.step(1.0, {}, {"knee": 0.0})
+    assert (again.fault, again.half_width["knee"]) == ("time", np.inf)
+    live.reset()
+    assert live.step(1.0, {}, {}).half_width["knee"] == np.inf
+
+
 def test_a_movement_that_was_never_fitted_stops_it_and_the_fitted_one_lets_it_go_on(watched):
     trial = stride(20.0, seed=7)
     moved = np.where(np.arange(len(trial)) < 600, 2.0, 1.0) * trial.angles["knee"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import nan
+from math import inf, nan
 
 import numpy as np
 
@@ -29,7 +29,8 @@ class LiveEstimate:
     blind: tuple[str, ...] = ()  # Lost angles, without which every torque is 0
     changed: tuple[str, ...] = ()  # Channels unlike the calibration, whose patterns by the movement take their places
     widening: float = 1.0  # Error of the torque over its calibrated error; 1 if channels are as in the calibration
-    # Half width of the 90 % interval about each torque by joint [N m]; empty if the card knows no calibrated error
+    # Half width of the 90 % interval about each torque by joint [N m]. It is infinite where a fault makes every torque
+    # 0, and empty if the card knows no calibrated error
     half_width: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -74,6 +75,7 @@ class LiveTorque:
         self.joints = tuple(joint.name for joint in card.joints)
         self._gain, _ = to_si_factor(angle_unit, "rad", "angle_unit")
         self._core = card.build(period)
+        self._holds = False
         errors = () if card.watch is None else card.watch.errors
         self._half_width = {
             joint: WATCH_DEFAULTS.band_quantile * error for joint, error in zip(self.joints, errors, strict=False)
@@ -97,6 +99,8 @@ class LiveTorque:
         angle = self._gain * np.array(self._ordered_values("angles", self.card.angles, angles), float)
         torque, fault, lost, above, blind = self._core.step(round(1e6 * time), envelope, angle)
         widening = self._core.widening
+        if FAULTS[fault] != "time":  # which repeats the last output
+            self._holds = not ESTIMATOR_FAULTS_BY_NAME[FAULTS[fault]].stops
         return LiveEstimate(
             dict(zip(self.joints, torque.tolist(), strict=True)),
             FAULTS[fault],
@@ -105,7 +109,7 @@ class LiveTorque:
             _names_of_set_bits(self.card.angles, blind),
             _names_of_set_bits(self.channels, self._core.changed),
             widening,
-            {joint: widening * half for joint, half in self._half_width.items()},
+            {joint: widening * half if self._holds else inf for joint, half in self._half_width.items()},
         )
 
     def run(

@@ -318,6 +318,7 @@ class EstimatorFault:
     name: str  # name of the core
     words: str  # what was found and what the estimator then does
     keeps_validity: bool = False  # whether the estimate is as good as the calibration in spite of it
+    stops: bool = False  # whether every torque is 0, which is no estimate
 
 
 ESTIMATOR_KINDS = ("hill", "ridge")
@@ -325,9 +326,9 @@ ESTIMATOR_KINDS = ("hill", "ridge")
 
 ESTIMATOR_FAULTS: tuple[EstimatorFault, ...] = (
     EstimatorFault(_core.EMG_FAULTS[0], "no fault: valid as calibrated", keeps_validity=True),
-    EstimatorFault("configuration", "the configuration is invalid: every torque is 0"),
+    EstimatorFault("configuration", "the configuration is invalid: every torque is 0", stops=True),
     EstimatorFault("time", "the time did not advance: the last output is repeated"),
-    EstimatorFault("angle", "an angle is missing or was never received: every torque is 0"),
+    EstimatorFault("angle", "an angle is missing or was never received: every torque is 0", stops=True),
     EstimatorFault(
         "channel", "an EMG channel is missing: its pattern for the movement replaces it, or rest without a watch"
     ),
@@ -337,7 +338,9 @@ ESTIMATOR_FAULTS: tuple[EstimatorFault, ...] = (
         "restarted", "first step, or first step after a gap: lags and rates were reset", keeps_validity=True
     ),
     EstimatorFault("changed", "a channel changed since calibration and is replaced by its pattern for the movement"),
-    EstimatorFault("unlike", "most channels changed, or the movement differs from calibration: every torque is 0"),
+    EstimatorFault(
+        "unlike", "most channels changed, or the movement differs from calibration: every torque is 0", stops=True
+    ),
     EstimatorFault("uncertain", "channels depart from their patterns: the torque's interval is too wide"),
 )
 """Every fault, in the core's order."""
