@@ -226,3 +226,17 @@ def test_a_reversed_drive_is_named():
     require_sign(model(), stack([motion]), "current")
     with pytest.raises(IdentificationError, match=r"absorbs [\d.]+ J of work .* set sign = -1 on channel 'current'"):
         require_sign(model(), stack([replace(motion, effort=-motion.effort)]), "current")
+
+
+def test_the_factor_of_many_rows_has_the_solution_of_all(monkeypatch):
+    rng = np.random.default_rng(1)
+    w, y = rng.standard_normal((1000, 4)), rng.standard_normal(1000)
+    expected = np.linalg.lstsq(w, y, rcond=None)[0]
+    for count in (64, 300, 1000, 5000):
+        monkeypatch.setattr(regression, "ROWS_AT_ONCE", count)
+        factor = regression.triangular_factor(w, y)
+        assert factor.shape == (5, 5)
+        np.testing.assert_allclose(np.linalg.solve(factor[:4, :4], factor[:4, 4]), expected, rtol=1e-12)
+        np.testing.assert_allclose(factor[4, 4] ** 2, np.sum((y - w @ expected) ** 2), rtol=1e-12)
+        bounds = np.full(4, -np.inf), np.full(4, np.inf)
+        np.testing.assert_allclose(regression.least_squares_within(w, y, *bounds), expected, rtol=1e-12)

@@ -347,7 +347,8 @@ def pieces(
     for first, last in pairwise(edges):
         part = slice(first - border, last + border)
         recorded = None if velocity is None else velocity[part]
-        made = motion_of(time[part], position[part], command[part], own, fs=fs, velocity=recorded, **more)
+        # A view of the time would keep that of the whole stretch.
+        made = motion_of(np.array(time[part]), position[part], command[part], own, fs=fs, velocity=recorded, **more)
         yield replace(made, raw_position=None, command=None)
 
 

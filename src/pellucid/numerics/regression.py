@@ -207,7 +207,7 @@ def solve(
             target = data.target - effort
         else:
             jacobian, target = after.jacobian, after.residual + after.jacobian @ after.values
-        weighted = jacobian * w[:, None]
+        weighted = jacobian if weights is None else jacobian * w[:, None]
         require_full_rank(model.names, weighted, model.label)
         values = least_squares_within(weighted, target * w, lower, upper)
         residual, iterations, converged = target - jacobian @ values, 1, True
@@ -225,6 +225,23 @@ def solve(
     return Solution(snapped, jacobian, residual - jacobian @ (snapped - values), w, held, iterations, converged)
 
 
+ROWS_AT_ONCE = 1 << 16
+"""Rows of a regressor that are factored at a time. A copy of all rows of hours of data takes hundreds of megabytes."""
+
+
+def triangular_factor(columns: np.ndarray, *beside: np.ndarray) -> np.ndarray:
+    """Return the triangular factor of `columns`, (m, p), with k further columns, (m,); at most (p + k, p + k).
+
+    Least squares on it has the same solution and the same sum of squares as on all rows.
+    """
+    factor = np.empty((0, columns.shape[1] + len(beside)))
+    for first in range(0, max(len(columns), 1), ROWS_AT_ONCE):
+        some = slice(first, first + ROWS_AT_ONCE)
+        part = np.column_stack([columns[some], *(x[some] for x in beside)])
+        factor = np.asarray(np.linalg.qr(np.vstack([factor, part]) if len(factor) else part, mode="r"))
+    return factor
+
+
 def least_squares_within(
     w: np.ndarray, y: np.ndarray, lower: np.ndarray, upper: np.ndarray, *, method: str = "trf"
 ) -> np.ndarray:
@@ -233,6 +250,9 @@ def least_squares_within(
     The trust-region method ("trf") ends close to a bound, the active-set method ("bvls") on it. A Stribeck profile over
     velocities that fit equally well depends on the residuals of the former.
     """
+    if len(w) > ROWS_AT_ONCE:
+        factor = triangular_factor(w, y)
+        w, y = factor[:, :-1], factor[:, -1]
     values = np.linalg.lstsq(w, y, rcond=None)[0]
     if np.all(values >= lower) and np.all(values <= upper):
         return values
@@ -352,14 +372,14 @@ def require_full_rank(names: Sequence[str], jacobian: np.ndarray, where: str) ->
             f"{where}: {len(jacobian)} usable samples for {jacobian.shape[1]} parameters; expected many more: lengthen "
             "the recording, or lower decimate and dead_band"
         )
-    norms = np.linalg.norm(jacobian, axis=0)
+    norms = column_norms(jacobian)
     absent = [n for n, c in zip(names, norms, strict=True) if not c > 1e-12 * norms.max()]
     if absent:
         raise IdentificationError(
             f"{where}: {' and '.join(absent)} cannot be identified: nothing in the recordings excites "
             f"{'it' if len(absent) == 1 else 'them'}; record a motion that does"
         )
-    _, singular, rows = np.linalg.svd(np.linalg.qr(jacobian / norms, mode="r"))
+    _, singular, rows = np.linalg.svd(triangular_factor(jacobian) / norms)
     if singular[-1] < 1e-7 * singular[0]:
         tied = [n for n, c in zip(names, rows[-1], strict=True) if abs(c) > 0.2]
         raise IdentificationError(

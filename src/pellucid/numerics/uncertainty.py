@@ -137,19 +137,23 @@ def long_run_covariance(
         return np.full((p, p), np.nan)
     block = block_length(correlation_time(residual, lengths) if memory is None else memory, m)
     # The scores of a parameter on a bound have a mean, which is not noise.
-    centred = scores - scores.mean(axis=0)
-    parts = [centred[rows] for rows in _stretches(lengths) if rows.stop - rows.start > 1]
-    if not parts:
-        return centred.T @ centred
-    now = sum(part[:-1].T @ part[:-1] for part in parts)
-    next_ = sum(part[:-1].T @ part[1:] for part in parts)
+    mean = scores.mean(axis=0)
+    stretches = [rows for rows in _stretches(lengths) if rows.stop - rows.start > 1]
+    if not stretches:
+        return (scores - mean).T @ (scores - mean)
+    now, next_ = np.zeros((p, p)), np.zeros((p, p))
+    for stretch in stretches:
+        part = scores[stretch] - mean  # one stretch at a time, to save memory
+        now += part[:-1].T @ part[:-1]
+        next_ += part[:-1].T @ part[1:]
     common = float(np.trace(np.linalg.pinv(now, hermitian=True) @ next_)) / p
     r = float(
         np.clip(common, -BLOCK_SETTINGS.max_prewhitening_coefficient, BLOCK_SETTINGS.max_prewhitening_coefficient)
     )
     stride = max(1, block // BLOCK_SETTINGS.block_starts_per_length)
     total, rows = np.zeros((p, p)), 0
-    for part in parts:
+    for stretch in stretches:
+        part = scores[stretch] - mean
         n = len(part) - 1
         summed = np.zeros((n + 2 * block, p))
         np.cumsum(part[1:] - r * part[:-1], axis=0, out=summed[block : block + n])
@@ -212,17 +216,24 @@ def sandwich_covariance(
     """
     p = jacobian.shape[1]
     free = np.ones(p, bool) if free is None else free
-    w = jacobian[:, free]
-    z = w if instruments is None else instruments[:, free]
+    w = _some_columns(jacobian, free)
+    z = w if instruments is None else _some_columns(instruments, free)
     scale = column_norms(w)
     bread = _inverse(z, w, scale)
     if bread is None:
         return np.diag(np.where(free, np.inf, 0.0))
-    meat = long_run_covariance((z / scale) * residual[:, None], residual, lengths, memory)
+    scores = z / scale
+    scores *= residual[:, None]
+    meat = long_run_covariance(scores, residual, lengths, memory)
     correction = len(residual) / max(len(residual) - int(free.sum()), 1)
     covariance = np.zeros((p, p))
     covariance[np.ix_(free, free)] = correction * (bread @ meat @ bread.T) / np.outer(scale, scale)
     return covariance
+
+
+def _some_columns(columns: np.ndarray, some: np.ndarray) -> np.ndarray:
+    """Return the columns of (m, p) that a mask, (p,), selects; the array itself if these are all."""
+    return columns if some.all() else columns[:, some]
 
 
 def _inverse(left: np.ndarray, right: np.ndarray, scale: np.ndarray) -> np.ndarray | None:
@@ -255,8 +266,9 @@ def block_bootstrap(
     scale = column_norms(jacobian)
     if not np.isfinite(residual).all() or _inverse(jacobian, jacobian, scale) is None:
         return np.tile([-np.inf, np.inf], (len(values), 1))
-    w = jacobian / scale
-    scores = w * residual[:, None]
+    scores = jacobian / scale
+    gram = scores.T @ scores
+    scores *= residual[:, None]
     scores -= scores.mean(axis=0)
     rows = len(residual)
     # Longer blocks than needed do no harm, and more blocks do not improve the interval.
@@ -268,7 +280,7 @@ def block_bootstrap(
         n = stretch.stop - stretch.start
         if n:
             length = min(block, n)
-            wrapped = np.concatenate([np.zeros((1, w.shape[1])), scores[stretch], scores[stretch][: length - 1]])
+            wrapped = np.concatenate([np.zeros((1, scores.shape[1])), scores[stretch], scores[stretch][: length - 1]])
             ends = np.cumsum(wrapped, axis=0)
             # The sum over a stretch shorter than a block is scaled to the variance of a whole block.
             sums.append(
@@ -283,7 +295,7 @@ def block_bootstrap(
         drawn = rng.integers(0, pool.shape[1], (min(at_once, repetitions - done), count))
         for own, into in zip(pool, totals, strict=True):
             into[done : done + len(drawn)] = own.take(drawn).sum(axis=1)
-    steps = np.linalg.solve(w.T @ w, totals).T
+    steps = np.linalg.solve(gram, totals).T
     tail = 50.0 * (1.0 - level)
     return values[:, None] + (np.percentile(steps, [tail, 100.0 - tail], axis=0) / scale).T
 

@@ -83,7 +83,9 @@ def keep_result(path: Path, made_from: str, result: Any) -> Path | None:
     stored[TREE_KEY] = np.frombuffer(tree.encode(), np.uint8)
     content = BytesIO()
     np.savez(content, **stored)
-    content.write(seal(content.getbuffer()))
+    with content.getbuffer() as written:
+        signature = seal(written)
+    content.write(signature)
     return write_bytes_atomically(path, content.getbuffer())
 
 

@@ -26,6 +26,7 @@ from ...numerics.regression import (
     robust_weights,
     snap_to_bounds,
     solve,
+    triangular_factor,
 )
 from ...numerics.searches.scalar_search import minimise_on_interval
 
@@ -83,7 +84,9 @@ def values_without_blocks(
     """
     free = ~found.at_bound
     scale = np.maximum(column_norms(found.jacobian[:, free]), np.finfo(float).tiny)
-    w = found.jacobian[:, free] / scale * found.weights[:, None]
+    w = found.jacobian[:, free]
+    w /= scale
+    w *= found.weights[:, None]
     z = w if instruments is None else instruments[:, free] / scale * found.weights[:, None]
     residual = found.residual * found.weights
     gram, moment = z.T @ w, z.T @ residual
@@ -106,7 +109,11 @@ def residuals_without_blocks(
     for block, other in without.items():
         if block < len(steps):
             steps[block] = other - values
-    return residual - np.einsum("ij,ij->i", jacobian, steps[labels])
+    left = residual.copy()
+    for first in range(0, len(labels), MAX_REFITTED_ROWS):  # some rows at a time, to save memory
+        some = slice(first, first + MAX_REFITTED_ROWS)
+        left[some] -= np.einsum("ij,ij->i", jacobian[some], steps[labels[some]])
+    return left
 
 
 def cross_validated_residuals(found: Solution, lengths: Sequence[int]) -> tuple[np.ndarray, ...]:
@@ -215,7 +222,7 @@ def _gauss_newton_steps(model: JointModel, data: Stack[Motion], values: np.ndarr
         # A Stribeck velocity without a Stribeck level has no effect at all.
         norms = column_norms(jacobian)
         free = norms > 1e-12 * norms.max()
-        triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian[:, free], residual]), mode="r"))
+        triangle = triangular_factor(jacobian if free.all() else jacobian[:, free], residual)
         require_full_rank([n for n, f in zip(model.names, free, strict=True) if f], triangle[:, :-1], model.label)
         low, high = lower.copy(), upper.copy()
         if model.shape_index is not None:

@@ -27,6 +27,7 @@ from ...numerics.regression import (
     make_parameters,
     predict_efforts,
     regression_rows,
+    triangular_factor,
 )
 from ...numerics.sampled import sampled
 from ...numerics.uncertainty import block_bootstrap, correlation_time, sandwich_covariance, whiteness
@@ -272,7 +273,9 @@ def make_estimate(
     size = np.linalg.norm(data.target)
     if not size > 0.0:
         raise IdentificationError("found an effort of 0 in every row, expected one that changes as the joint moves")
-    w, rho = found.jacobian * found.weights[:, None], found.residual * found.weights
+    is_weighted = bool(np.any(found.weights != 1.0))
+    w = found.jacobian * found.weights[:, None] if is_weighted else found.jacobian
+    rho = found.residual * found.weights
     norms = column_norms(found.jacobian)
     # A Stribeck velocity without a Stribeck level has no effect at all: no interval can be given.
     idle = norms <= 1e-12 * norms.max()
@@ -304,7 +307,7 @@ def make_estimate(
     if method == "ls":
         boot = np.full((len(free), 2), np.nan)
         boot[free] = block_bootstrap(
-            w[:, free],
+            w if free.all() else w[:, free],
             rho,
             found.values[free],
             lengths,
@@ -330,7 +333,7 @@ def make_estimate(
         )
         for i, p in enumerate(plain)
     )
-    shown = np.linalg.qr(found.jacobian[:, ~idle], mode="r")
+    shown = triangular_factor(found.jacobian)[:, ~idle]
     return JointEstimate(
         title=f"Joint with {model.family} friction",
         confidence=level,

@@ -22,7 +22,7 @@ import numpy as np
 from ...models.joint import PARALLEL_STIFFNESS, JointModel
 from ...numerics.distributions import normal_share_below
 from ...numerics.motion import Motion
-from ...numerics.regression import Solution, Stack
+from ...numerics.regression import Solution, Stack, triangular_factor
 from .discrepancy import States
 from .left_out_stretches import LeftOutStretches
 
@@ -71,6 +71,7 @@ def find_spring_doubt(model: JointModel, data: Stack[Motion], found: Solution, s
     gravity = abs(float(found.values[names.index("gravity")]))
     stretches = LeftOutStretches(model, data, found.values, states, SPRING_SETTINGS.slow_speed_share)
     told = stretches.spring()
+    del stretches  # its regressors are large
     if told is None:
         return None
     estimate, error, independent = told
@@ -83,7 +84,8 @@ def find_spring_doubt(model: JointModel, data: Stack[Motion], found: Solution, s
     if has_spring:
         free[names.index(PARALLEL_STIFFNESS)] = False
     slope = np.zeros(len(names))
-    slope[free] = -np.linalg.lstsq(found.jacobian[:, free], states.position, rcond=None)[0]
+    factor = triangular_factor(found.jacobian if free.all() else found.jacobian[:, free], states.position)
+    slope[free] = -np.linalg.lstsq(factor[:, :-1], factor[:, -1], rcond=None)[0]
     if has_spring:
         slope[names.index(PARALLEL_STIFFNESS)] = 1.0
     return SpringDoubt(float(np.sqrt(moment)), moment * np.outer(slope, slope))

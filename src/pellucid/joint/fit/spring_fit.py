@@ -22,7 +22,7 @@ from ..._errors import IdentificationError
 from ...models.estimates import Parameter
 from ...numerics.block_test import compare_held_out
 from ...numerics.motion import Motion, require_fitted
-from ...numerics.regression import Solution
+from ...numerics.regression import Solution, triangular_factor
 from ...numerics.uncertainty import sandwich_covariance
 from .friction_solver import cross_validated_residuals
 
@@ -161,9 +161,11 @@ def solve_spring(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the solution (p,), its covariance (p, p) and the residual (m,) of an `effort` (m,) by `columns` (m, p)."""
     scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-    solution = np.linalg.lstsq(columns / scale, effort, rcond=1e-10)[0]
-    residual = effort - columns / scale @ solution
-    covariance = sandwich_covariance(columns / scale, residual, lengths) / np.outer(scale, scale)
+    scaled = columns / scale
+    factor = triangular_factor(scaled, effort)
+    solution = np.linalg.lstsq(factor[:, :-1], factor[:, -1], rcond=1e-10)[0]
+    residual = effort - scaled @ solution
+    covariance = sandwich_covariance(scaled, residual, lengths) / np.outer(scale, scale)
     return solution / scale, covariance, residual
 
 
