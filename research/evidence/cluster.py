@@ -33,22 +33,25 @@ CONTROLLER = {"CLPC": "clpc"}
 WORKER_COUNTS = (1, 2)
 """Numbers of workers of the cluster that are compared."""
 
+ESTIMATED_WORKER_COUNT = 100
+"""Number of workers for which the throughput is estimated, with as many robots."""
 
-def predicted(workers: int) -> tuple[Prediction, float]:
-    """The prediction on so many workers, and how long they took, once they were there [s]."""
+
+def predicted(workers: int) -> tuple[Prediction, float, float]:
+    """The prediction on so many workers, its time once they were there, and processor time beside them [s]."""
     from distributed import LocalCluster
 
     local = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50)
     with local, cluster(local.scheduler_address) as executor:
         # Libraries are loaded before the clock runs.
         list(executor.map(_loaded, range(4 * workers)))
-        begun = time.perf_counter()
+        begun, spent = time.perf_counter(), time.process_time()
         made = predict_effects(
             [elbow_participants()], people=PEOPLE_COUNT, robots=ROBOT_COUNT, movements=MOVEMENT_COUNT,
             controllers=CONTROLLER,
             executor=executor,
         )  # fmt: skip
-        return made, time.perf_counter() - begun
+        return made, time.perf_counter() - begun, time.process_time() - spent
 
 
 def _loaded(i: int) -> int:
@@ -68,11 +71,30 @@ def rows() -> Iterator[ResultRow]:
         yield _row(f"wall_{workers}", seconds[workers], "s", f"{workers} workers; {note}")
         yield _row(f"cpu_{workers}", spent[workers], "s", f"{workers} workers, identifications too")
         yield _row(f"used_{workers}", spent[workers] / seconds[workers], "1", "processors that were used, of all")
+    for workers in WORKER_COUNTS:
+        yield _row(f"throughput_{workers}", two.movements / seconds[workers], "1/s", f"movements on {workers} workers")
+    estimate, bottleneck = estimated_throughput(
+        two.movements / ROBOT_COUNT, made[1][2] / ROBOT_COUNT, spent[1] / ROBOT_COUNT
+    )
+    yield _row(f"throughput_{ESTIMATED_WORKER_COUNT}", estimate, "1/s", f"estimated; first bottleneck: {bottleneck}")
     yield _row("speed_up", seconds[1] / seconds[2], "1", "two workers over one, by the clock; 2 on an idle machine")
     yield _row("movements_per_cpu_second", two.movements / two.cpu, "1/s", "without identifications")
     yield _row("identification", sum(w.cpu_before for w in two.worn) / len(two.worn), "s", "processor time of a robot")
     same = np.array_equal(one.values, two.values)
     yield _row("same", float(same), "1", "1: both gave the same to the bit")
+
+
+def estimated_throughput(movements: float, shared: float, job: float) -> tuple[float, str]:
+    """Return the movements per second on `ESTIMATED_WORKER_COUNT` free workers and the first bottleneck, in words.
+
+    For each robot there are so many `movements`, and processor time of the scheduler and of the process that asks
+    (`shared`) and of its `job` [s]. Each robot is one job, so that no more workers than robots have work.
+    """
+    serial = ESTIMATED_WORKER_COUNT * shared
+    bottleneck = (
+        "the scheduler and the process that asks" if serial > job else "the job of one robot, which is not divided"
+    )
+    return ESTIMATED_WORKER_COUNT * movements / (serial + job), bottleneck
 
 
 def _row(name: str, value: float, unit: str, note: str) -> ResultRow:
