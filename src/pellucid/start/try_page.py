@@ -240,7 +240,7 @@ def _held_out_joints(tried: TriedLog) -> list[TriedJoint]:
 
 def _efforts(joints: Sequence[TriedJoint], computed: str = "") -> Drawing:
     """Draw recorded and predicted efforts on held-out data, a joint beneath another; `computed` as `recorded_word`."""
-    figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 1.7 * len(joints)), layout="constrained")
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 1.3 * len(joints)), layout="constrained")
     axes = figure.subplots(len(joints), 1, squeeze=False, sharex=False)[:, 0]
     has_gaps = several = False
     word = recorded_word(computed)
