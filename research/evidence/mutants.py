@@ -117,6 +117,8 @@ EQUIVALENT: tuple[Equivalent, ...] = (
                "a coefficient of 0 adds 0"),
     Equivalent("body_residual", "velocity < S(0) ? -sliding : sliding", ("< -> <=",), "at rest nothing slides"),
     Equivalent("body_residual", "if (!is_finite(s.momentum", ("+ -> -",), FINITE),
+    Equivalent("drive_delay_watch", "if (!is_finite(s.asked + s.given", ("+ -> -",), FINITE),
+    Equivalent("tree_force_watch", "if (!is_finite(s.felt + s.contradiction", ("+ -> -",), FINITE),
     Equivalent("drive_watch", "const S meant = (asked - s.due) * moved > S(0)", ("> -> >=",),
                "where nothing moved no energy counts, and otherwise both are the same"),
     Equivalent("drive_watch", ": s.agreed < lone_reading_gap ? s.agreed + 1",

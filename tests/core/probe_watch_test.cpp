@@ -348,6 +348,12 @@ void travel() {
   check(s.way == 0.3, "is not enough alone");
   know();
   check(end(s, w) == F::none && s.way == 0.0 && s.heard == 0.0, "two are");
+  for (const double more : {-0.01, 0.01}) {
+    know();
+    s.heard = 3 - one + more, s.way = 0.1;
+    check(end(s, w) == F::none && (s.way == 0) == (more > 0), "at the evidence of 3");
+  }
+  s.way = s.heard = 0;
   fill(6, -6, 6, 0.3);
   s.heard = 2;
   know();

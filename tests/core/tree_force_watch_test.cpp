@@ -29,6 +29,8 @@ void coefficients() {
   Params bad = params();
   bad.slow = 512;
   check(!p::coefficients(bad, S(32), S(0x1p-9)).valid, "a slow part that is not");
+  bad.slow = 448;
+  check(p::coefficients(bad, S(448), S(0x1p-9)).valid, "filters that are slower than the period");
   for (int k = 0; k < 5; ++k) {
     S numbers[5];
     p::to_numbers(params(), numbers);

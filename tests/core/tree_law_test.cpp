@@ -375,7 +375,18 @@ void commanded() {
 
 }  // namespace
 
+/// A number of joints that memory lost never goes beyond the room that there is.
+void room_for_joints() {
+  struct Gate {
+    std::size_t joints;
+  };
+  for (std::size_t joints : {std::size_t(0), std::size_t(1), std::size_t(3), std::size_t(4), std::size_t(6), ~std::size_t(0)})
+    for (std::size_t room = 1; room <= 5; ++room)
+      check(p::joints_of(Gate{joints}, room) == (joints < room ? joints : room), "at most the room");
+}
+
 int main() {
+  room_for_joints();
   momentum();
   commanded();
   one_joint<double>(1e-12);

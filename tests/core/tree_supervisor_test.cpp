@@ -1050,6 +1050,18 @@ void bounds_of_sensors() {
       silent.judge(9);
       check(silent.fault().fault == F::lost, "but silent");
     }
+  // Friction under a load counts by the load's size, whichever way it pulls.
+  for (const S weight : {-4.0, 4.0})
+    for (const S residual : {2.5, 3.5, -2.5, -3.5}) {
+      Rules motion = rules();
+      motion.joint[1].motion.burst = 1;
+      Judged loaded(motion);
+      loaded.rig.law.supervisor.joint[1].load = 0.5;
+      auto& law = loaded.rig.law.controller.state;
+      law.weight[1] = weight, law.observer.residual[1] = residual, law.sensed[1] = true, law.felt[1] = 0;
+      loaded.judge();
+      check((loaded.fault().fault == F::force_sensor) == (std::fabs(residual) > 3), "beyond the burst and friction under the load");
+    }
   // What nobody gives stops a law that goes on without its sensors, too, and nothing that is stopped already.
   for (const M mode : modes) {
     Rules motion = rules();

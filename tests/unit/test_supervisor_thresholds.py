@@ -156,6 +156,7 @@ def test_counts_and_filters_by_the_period(period, freeze, quiet, rest, samples):
     assert (s["freeze_samples"], s["test_rest"]) == (freeze, rest)
     assert s["force_quiet_samples"] == s["muscle_quiet_samples"] == quiet
     assert s["test_samples"] == samples
+    assert s["rate_samples"] == max(10, round(0.25 / period))
     assert s["residual_bandwidth"] == pytest.approx(min(40.0, 0.2 / period))
     assert s["residual_slow"] == pytest.approx(min(5.0, 0.05 / period))
     for name, usual in (("recent", 12.0), ("memory", 0.7), ("slow", 6.0)):
@@ -773,6 +774,7 @@ def test_thresholds_of_force_sensors(robot):
     assert (felt.whole_watch["wrench_expected"], felt.whole_watch["force_excess"]) == (0.0, tree_laws.FORCE_LOUDNESS)
     hand = tree_laws.with_force_sensor(law, body="forearm")
     assert [watch["force_expected"] for watch in hand.watches] == [0.0] * 4
+    assert hand.whole["sensor_link"] == robot.bodies.index("forearm") + 1
     assert hand.whole_watch["wrench_expected"] == 1.0
     both = tree_laws.with_force_sensor(law, body="forearm", at_joints=("flexion",))
     assert [watch["force_expected"] for watch in both.watches] == [0.0, 1.0, 0.0, 0.0]
