@@ -373,8 +373,6 @@ void commanded() {
   check(law.state.command[1] == 0 && law.fault.fault == p::SafetyFault::none, "a reset forgets commands");
 }
 
-}  // namespace
-
 /// A number of joints that memory lost never goes beyond the room that there is.
 void room_for_joints() {
   struct Gate {
@@ -384,6 +382,8 @@ void room_for_joints() {
     for (std::size_t room = 1; room <= 5; ++room)
       check(p::joints_of(Gate{joints}, room) == (joints < room ? joints : room), "at most the room");
 }
+
+}  // namespace
 
 int main() {
   room_for_joints();
