@@ -12,7 +12,15 @@ def printed_command(name: str, folder: str | os.PathLike, *options: str) -> str:
     The folder is named as the user named it, so that the text is valid where the user gave the command. It is quoted
     where a shell requires it.
     """
-    path = os.fspath(folder)
-    if path.startswith("-"):
-        path = os.path.join(os.curdir, path)  # a name that begins with a dash would be read as an option
-    return shlex.join(["pellucid", *name.split(), path, *options])
+    return shlex.join(["pellucid", *name.split(), _no_option(folder), *options])
+
+
+def printed_path(path: str | os.PathLike) -> str:
+    """Return a path as a POSIX shell takes it."""
+    return shlex.quote(_no_option(path))
+
+
+def _no_option(path: str | os.PathLike) -> str:
+    """Return a path that no command reads as an option, although its name begins with a dash."""
+    text = os.fspath(path)
+    return os.path.join(os.curdir, text) if text.startswith("-") else text

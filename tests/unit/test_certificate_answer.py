@@ -18,7 +18,7 @@ from pellucid.people.study.certified import _people_needed_beyond
 from pellucid.people.study.certified_rows import _why_undecided, deciding_end_point, is_decided_by_people
 from pellucid.people.study.primary_change import PrimaryChange
 from pellucid.people.study.statements import _filter_verdicts, unsettled_shares
-from pellucid.study.answer import Answer, AnswerPart, Step, unanswered_message
+from pellucid.study.answer import FOLDER, Answer, AnswerPart, Step, unanswered_message
 from pellucid.study.pages.page import Page, write_page
 from pellucid.study.pages.values import plain_text
 from pellucid.units import COORDINATES_BY_UNIT
@@ -179,7 +179,7 @@ def test_a_certificate_of_simulated_people_asks_to_simulate(people, needed):
     (step,) = assessment_answer._recording_steps(SIMULATED, [certified(people, needed)])
     assert "record" not in step.text.lower()
     assert "simulate" in step.text.lower()
-    assert ("(`count` in `[people]` of `{folder}/lab/rig.toml`, then" in step.text) == (needed == 13 or people == 2)
+    assert (f"(`count` in `[people]` of `{FOLDER}/lab/rig.toml`, then" in step.text) == (needed == 13 or people == 2)
     each = certified(8, None, "beyond")
     for each.needed_beyond in (24, 8, None):
         (step,) = assessment_answer._recording_steps(SIMULATED, [each])

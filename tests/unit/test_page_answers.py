@@ -18,6 +18,7 @@ from pellucid.joint.study.joint_page import page as joint_page
 from pellucid.joint.study.joint_result import complete_result, rows_of
 from pellucid.models.estimates import Verdict
 from pellucid.study.answer import (
+    FOLDER,
     REPEAT_TEXT,
     Answer,
     AnswerPart,
@@ -409,5 +410,5 @@ def test_the_steps_of_all_answers_stand_together_each_once():
 
 
 def test_a_step_names_the_folder_that_was_given():
-    step = Step("Raise `count` in `{folder}/lab/rig.toml`", folder="my study")
+    step = Step(f"Raise `count` in `{FOLDER}/lab/rig.toml`", folder="my study")
     assert step.sentence == "Raise `count` in `'my study'/lab/rig.toml`."

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 import re
-import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from .._printed_command import printed_command
+from .._printed_command import printed_command, printed_path
 from .pages.quantities import capitalised, typeset_quantities
 from .pages.values import plain_text
 
@@ -43,8 +42,8 @@ RECORDED_UNITS = ("recording", "file")
 UNCONFIRMED_SCALE = "scale not confirmed"
 """Limit of a verdict on relative numbers where a default scales all absolute ones."""
 
-FOLDER = "{folder}"
-"""Mark in the text of a step that stands for the study's folder."""
+FOLDER = "@folder@"
+"""Mark in the text of a step that stands for the study's folder; a shell takes it without quotes."""
 
 QUESTION_WORDS: Mapping[str, str] = {
     "rate": "sampling rate",
@@ -269,7 +268,7 @@ class Step:
     @property
     def words(self) -> str:
         """What to do, with the study's folder in the words."""
-        return self.text.replace(FOLDER, shlex.quote(self.folder))
+        return self.text.replace(FOLDER, printed_path(self.folder))
 
     @property
     def sentence(self) -> str:

@@ -217,7 +217,7 @@ def identify_joint(
         joint=study.rig.joint,
         motion=study.rig.motion,
         effort_unit=drive.effort_unit,
-        computed=computed_effort([study.rig.drive.kind], drive.effort_unit),
+        computed=computed_effort([study.rig.drive.kind] if study.rig.drive else [], drive.effort_unit),
         lifts=study.rig.lifts,
         families=fits,
         choice=choice,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..._printed_command import printed_command
 from ...study.answer import (
     FOLDER,
     PAPER_STEP,
@@ -224,7 +225,7 @@ def _record(found: AssessmentResult) -> str:
     return "simulate" if found.is_simulated else "record"
 
 
-SIMULATE_AGAIN = f"`pellucid simulate {FOLDER}` and `pellucid assess {FOLDER}`"
+SIMULATE_AGAIN = f"`{printed_command('simulate', FOLDER)}` and `{printed_command('assess', FOLDER)}`"
 """Commands after a change of the rig; alone they would make the same people again."""
 
 
