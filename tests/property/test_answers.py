@@ -141,7 +141,7 @@ def test_a_finding_that_the_figures_are_wrong_comes_first_and_ends_with_a_reason
          "Based on 1 recording in 2 parts, measured or simulated (not stated); numbers are of held-out data: 1 of 2 "
          "parts."),
         (Basis(38, 40, is_simulated=False, people=10), "Based on 38 of 40 recordings of 10 people, measured."),
-        (Basis(2, 2, is_simulated=False, people=1), "Based on 2 recordings, measured."),
+        (Basis(2, 2, is_simulated=False, people=1), "Based on 2 recordings of 1 person, measured."),
         (Basis(1, 1, "participant", is_simulated=False), "Based on 1 participant, measured."),
         (Basis(2, 2, "model card", is_simulated=None), "Based on 2 model cards."),
     ],

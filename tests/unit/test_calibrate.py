@@ -33,6 +33,7 @@ from pellucid.models.parameter_card import ParameterCard, read_parameter_card, w
 from pellucid.orthosis.strap.orthosis_alone import strapped_torque
 from pellucid.orthosis.strap.strap_model import StrapModel
 from pellucid.study.pages.page import write_page
+from pellucid.study.procedures.complete_answer import complete_answer
 from pellucid.study.procedures.registry import asked, open_study
 from pellucid.study.procedures.result import Result
 from pellucid.study.procedures.run import calibrate
@@ -506,6 +507,21 @@ def test_nothing_to_judge_is_refused(tmp_path, quick):
     study = leg(tmp_path / "leg", windows=(("fitted", "fit", 0, 5),))
     with pytest.raises(IdentificationError, match="found 1 recordings to fit and 0 held out"):
         calibrate(study)
+
+
+def test_a_reference_torque_that_was_computed_is_not_called_measured(tmp_path, quick):
+    """It said "measured" of torque that inverse dynamics gives."""
+    study = leg(tmp_path / "leg")
+    config = study.folder / "study.toml"
+    text = config.read_text(encoding="utf-8").replace("[rig]", "simulated = false\n[rig]", 1)
+    stated = '[streams.moments]\ncomputed = "torque by inverse dynamics"\n'
+    text = text.replace("[streams.moments.channels]", stated + "[streams.moments.channels]")
+    text = text.replace("[channels]", "[participants.P1]\n[channels]", 1)
+    text = text.replace('use = "', 'participant = "P1"\nuse = "')
+    config.write_text(text, encoding="utf-8")
+    study = open_study(study.folder)
+    said = complete_answer(study, calibrate(study)).basis.sentence
+    assert "of 1 person, measured (torque by inverse dynamics); numbers are of held-out data" in said
 
 
 def test_no_torque_at_all_is_refused(tmp_path, quick):

@@ -173,7 +173,7 @@ class Basis:
         """What the answer is based on, in one or more sentences."""
         text = f"{self.used} of {self.recorded}" if self.used != self.recorded else f"{self.recorded}"
         text += f" {_plural(self.counted, self.recorded)}{f' in {self.parts} parts' if self.parts else ''}"
-        text += f" of {self.people} people" if self.people > 1 else ""
+        text += f" of {self.people} {'person' if self.people == 1 else 'people'}" if self.people else ""
         unstated = "measured or simulated (not stated)" if self.counted in RECORDED_UNITS else ""
         origins = {True: "simulated", False: "measured", None: unstated}
         origin = DIGITISED if self.is_digitised else origins[self.is_simulated]

@@ -807,12 +807,15 @@ class Stream(StudyTable):
     drift : str or float
         Relative rate error of its clock, if joined, such as ``"20e-6"``. ``"auto"`` estimates it from both halves of
         the recording, and uses it if it is significant.
+    computed : str
+        How its numbers were computed, where no instrument measured them, such as ``"torque by inverse dynamics"``.
     """
 
     channels: dict[Word, ChannelSpec]
     join: bool = False
     offset: Annotated[Literal["auto"] | float, Field(json_schema_extra={"type": "string"})] = "auto"
     drift: Annotated[Literal["auto"] | float, Field(json_schema_extra={"type": "string"})] = "auto"
+    computed: ShownText = ""
 
     @field_validator("offset", "drift", mode="before")
     @classmethod

@@ -222,6 +222,7 @@ class CalibrationResult(Result):
     together: TogetherFigureData | None = field(default=None, repr=False)  # Muscles of all joints calibrated at once
     # Scores of the causal estimators that `export` writes, by the card's name and by held-out recording
     live: Mapping[str, Mapping[str, Score]] = field(default_factory=dict, repr=False)
+    computed: str = ""  # How the reference torque was computed; "" where it was measured
 
     def make_answer(self) -> Answer:
         """Return the answer that the result gives, before the study completes it."""
@@ -305,6 +306,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         muscles=findings.muscle_summaries(found),
         together=across_joints.together_figure_data(together),
         live=found.live,
+        computed=stream.computed if (stream := study.config.streams.get(table.moments)) else "",
         stiffness=stiffness,
     )
 
@@ -344,7 +346,8 @@ def calibration_answer(result: CalibrationResult) -> Answer:
         reason_of_parts(joints) or ("" if joints else "no recording was held out"),
         (*joints, *adds),
         tuple(numbers),
-        Basis(count, count, judged=_judged_words(result), held_out=len(_held_out_names(result))),
+        Basis(count, count, judged=_judged_words(result), held_out=len(_held_out_names(result)),
+              computed=result.computed),
         next=(*clock, *steps),
     )
 
