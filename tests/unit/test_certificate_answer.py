@@ -16,8 +16,10 @@ from pellucid.people.study import assessment_answer
 from pellucid.people.study.assessment_result import Assessed, Certified, Sensitivity
 from pellucid.people.study.certified import _people_needed_beyond
 from pellucid.people.study.certified_rows import _why_undecided, deciding_end_point, is_decided_by_people
+from pellucid.people.study.pointing import reason_words
 from pellucid.people.study.primary_change import PrimaryChange
-from pellucid.people.study.statements import _filter_verdicts, unsettled_shares
+from pellucid.people.study.statements import _filter_verdicts, unsettled_text
+from pellucid.people.survival import survival
 from pellucid.study.answer import FOLDER, Answer, AnswerPart, Step, unanswered_message
 from pellucid.study.pages.page import Page, write_page
 from pellucid.study.pages.values import plain_text
@@ -40,7 +42,8 @@ def test_a_condition_of_which_nobody_can_say_gives_its_reason_alone(monkeypatch)
     ]
     monkeypatch.setattr(assessment_answer, "certificate_reasons", lambda found: ["The interval is too wide."] * 2)
     monkeypatch.setattr(assessment_answer, "_recording_steps", lambda found, each: (Step("Record more movements"),))
-    for part, made in {"_cut_text": "", "_design_steps": (), "_numbers": (), "_basis": None}.items():
+    unused = {"_cut_text": "", "_order_step": (), "_exclusion_step": (), "_numbers": (), "_basis": None}
+    for part, made in unused.items():
         monkeypatch.setattr(assessment_answer, part, lambda found, made=made: made)
     found = SimpleNamespace(certified=certified, control="balance", participants=("a", "b"))
     answer = assessment_answer.certificate_answer(found)
@@ -340,7 +343,11 @@ def test_one_rule_decides_a_condition_and_gives_its_number():
     assert not is_decided_by_people(replace(own, beyond={"duration": 0.01}), "duration")
     found = SimpleNamespace(certified=(each,), control="balance", participants=("p",) * 12, settling=())
     said = assessment_answer._decisions_text(found)
-    assert said.startswith("full_accuracy: not transparent, 6 of 12 people changed mean duration by more than 3")
+    # "(−24.9 to +33.1 %; p = 0.075)" was read as a confidence interval.
+    assert said.startswith(
+        "full_accuracy: not transparent, 6 of 12 people changed mean duration by more than 3 margins (beyond −24.9 or "
+        "+33.1 %; p"
+    )
     assert "interval" not in said
     assert said.endswith("Compared with balance, 12 people, margin −9.1 to +10.0 %.")
 
@@ -361,21 +368,48 @@ def test_excluded_movements_and_an_unstated_order_have_a_step_each():
         certified=(allowed,), movements=778, left_out={"lost": 777}, measured=(), exclusions=(), is_simulated=False,
         order=None,
     )  # fmt: skip
-    excluded, order = assessment_answer._design_steps(found)
+    (excluded,), (order,) = assessment_answer._exclusion_step(found), assessment_answer._order_step(found)
     assert excluded.text == (
-        "Record again so that at most 10 % of movements are excluded; here 777 of 1,555 are, with gaps in the recorded "
-        "position"
+        "Only to claim transparency: record again so that at most 10 % of movements are excluded; here 777 of 1,555 "
+        "are, with gaps in the recorded position"
     )
     assert order.text.startswith("State in which order each person had the conditions")
+    found.exclusions = ("movements back to the start",)
+    assert assessment_answer._exclusion_step(found)[0].text == (
+        "Only to claim transparency: change the task or the stated rule so that at most 10 % of movements are "
+        "excluded; here 777 of 1,555 are, and more data under the same rule do not help"
+    )
     found.left_out, found.is_simulated = {"lost": 7}, True
-    assert assessment_answer._design_steps(found) == ()
+    assert assessment_answer._exclusion_step(found) == assessment_answer._order_step(found) == ()
 
 
-def test_the_share_that_never_settled_has_one_rounding():
-    """The headline said 25 %, and the figure below it 25.8 %."""
-    settling = [SimpleNamespace(condition="FC", curve=SimpleNamespace(cut=0.2578)),
-                SimpleNamespace(condition="Ctrl", curve=SimpleNamespace(cut=0.0))]  # fmt: skip
-    assert unsettled_shares(settling) == ["25.8 % in FC"]
+def test_the_first_step_is_the_one_that_leads_to_an_answer(monkeypatch):
+    """Recording again with fewer exclusions, which only a claim of transparency needs, was the first step."""
+    each = two_end_points({name: 0.01 * np.arange(12) for name in ("duration", "vmax")})
+    each = replace(each, certificate=replace(each.certificate, beyond={"duration": 0.2, "vmax": 0.2}))
+    steps = {"_recording_steps": "people", "_order_step": "order", "_exclusion_step": "exclusions"}
+    for name, text in steps.items():
+        monkeypatch.setattr(assessment_answer, name, lambda *given, text=text: (Step(text),))
+    for name in ("_decisions_text", "_certificate_question"):
+        monkeypatch.setattr(assessment_answer, name, lambda found: "")
+    for name in ("_numbers", "certificate_reasons"):
+        monkeypatch.setattr(assessment_answer, name, lambda found: ("",))
+    monkeypatch.setattr(assessment_answer, "_basis", lambda found: None)
+    following = assessment_answer.certificate_answer(SimpleNamespace(certified=(each,))).next
+    assert [step.text for step in following][:3] == ["people", "order", "exclusions"]
+
+
+def test_movements_that_had_not_settled_are_counted_apart_from_excluded_ones():
+    """"Never settled: 13.3 %" stood next to "3 excluded: not finished when the next target came"."""
+    curves = {"FC": survival(np.ones(30), np.arange(30) > 3), "Ctrl": survival(np.ones(30), np.ones(30))}
+    settling = [SimpleNamespace(condition=name, curve=curve) for name, curve in curves.items()]
+    found = SimpleNamespace(settling=settling, left_out={})
+    said = "had not settled when the next target came; they count as longer than seen (Kaplan-Meier)"
+    assert unsettled_text(found) == f"4 of 30 movements in FC {said}"
+    found.left_out = {"unfinished": 3}
+    assert unsettled_text(found) == f"4 of 30 movements in FC, including excluded ones, {said}"
+    assert reason_words("unfinished") == "too fast at their last sample to have an end point"
+    assert unsettled_text(SimpleNamespace(settling=settling[1:], left_out={})) == ""
 
 
 def test_a_change_of_which_only_a_bound_is_known_says_why(monkeypatch):
@@ -388,4 +422,4 @@ def test_a_change_of_which_only_a_bound_is_known_says_why(monkeypatch):
         settling=(),
     )  # fmt: skip
     said = plain_text(assessment_answer._changes_text(found))
-    assert "FC at least +422 % (lower bound: some movements never settled)" in said
+    assert "FC at least +422 % (lower bound: some movements had not settled)" in said

@@ -38,6 +38,8 @@ class Survival:
     high: np.ndarray  # (k,) upper end of the interval of the share
     longest: float  # longest duration, ended or cut off [s]
     cut: float  # share of durations that were cut off
+    count: int = 0  # number of durations
+    cut_count: int = 0  # number of durations that were cut off
 
     @property
     def median(self) -> float:
@@ -70,7 +72,9 @@ def survival(duration: np.ndarray, ended: np.ndarray, confidence: float = 0.95) 
     low, high = share.copy(), share.copy()
     z = float(ndtri(0.5 + 0.5 * confidence))
     low[inner], high[inner] = (share[inner] ** np.exp(sign * z * spread) for sign in (1.0, -1.0))
-    return Survival(time, share, low, high, float(duration.max()), float(np.mean(~ended)))
+    return Survival(
+        time, share, low, high, float(duration.max()), float(np.mean(~ended)), len(ended), int(np.sum(~ended))
+    )
 
 
 INTEGRATION_NODE_COUNT = 801

@@ -41,7 +41,7 @@ from .assessment_tables import people_words
 from .certified_rows import certificate_reasons, deciding_end_point, is_decided_by_people, loss_remedy
 from .pointing import reason_words
 from .primary_change import PrimaryChange, primary_change
-from .statements import headline, unsettled_shares
+from .statements import headline, unsettled_text
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Certified
@@ -79,8 +79,9 @@ def certificate_answer(found: AssessmentResult) -> Answer:
     if is_post_hoc:
         question += " Post hoc: this is not the registered analysis."
     open_ones = [each for each in found.certified if each.certificate.verdict not in (PASS, FAIL)]
-    following = {"yes": [], "no": [CONTROLLER_STEP], "cannot say": [*_recording_steps(found, open_ones)]}[verdict]
-    following = [*_design_steps(found), *following, *([CERTIFICATE_STEP] if verdict != "cannot say" else [])]
+    recording = _recording_steps(found, open_ones) if verdict == "cannot say" else ()
+    following = [*recording, *_order_step(found), *([CONTROLLER_STEP] if verdict == "no" else [])]
+    following += [*_exclusion_step(found), *([CERTIFICATE_STEP] if verdict != "cannot say" else [])]
     return Answer(
         question, verdict, _decisions_text(found), reason_of_parts(parts, verdict),
         tuple(parts),
@@ -133,21 +134,32 @@ def listed_or(names: Sequence[str]) -> str:
     return " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def _design_steps(found: AssessmentResult) -> tuple[Step, ...]:
-    """Return what to change in the study itself: excluded movements, and an order of conditions that is not stated."""
-    steps, excluded = [], sum(found.left_out.values())
+def _exclusion_step(found: AssessmentResult) -> tuple[Step, ...]:
+    """Return what a claim of transparency needs where too many movements are excluded and no verdict depends on it."""
+    excluded = sum(found.left_out.values())
     total, allowed = found.movements + excluded, max(each.max_left_out for each in found.certified)
-    if excluded > allowed * total and not any(map(loss_remedy, found.certified)):
-        steps.append(Step(
-            f"{_record(found).capitalize()} again so that at most {100.0 * allowed:g} % of movements are excluded; "
-            f"here {excluded:,} of {total:,} are, {_reasons_text(found)}"
-        ))  # fmt: skip
-    if not found.is_simulated and not _order_count(found):
-        steps.append(Step(
-            "State in which order each person had the conditions (`period` of each recording in study.toml): until "
-            "then, practice or fatigue may be the change"
-        ))  # fmt: skip
-    return tuple(steps)
+    if excluded <= allowed * total or any(map(loss_remedy, found.certified)):
+        return ()
+    limit, counts = f"at most {100.0 * allowed:g} % of movements", f"here {excluded:,} of {total:,} are"
+    if found.exclusions:
+        return (Step(
+            f"Only to claim transparency: change the task or the stated rule so that {limit} are excluded; {counts}, "
+            "and more data under the same rule do not help"
+        ),)  # fmt: skip
+    return (Step(
+        f"Only to claim transparency: {_record(found)} again so that {limit} are excluded; {counts}, "
+        f"{_reasons_text(found)}"
+    ),)  # fmt: skip
+
+
+def _order_step(found: AssessmentResult) -> tuple[Step, ...]:
+    """Return that the order of conditions is to be stated, where it is not."""
+    if found.is_simulated or _order_count(found):
+        return ()
+    return (Step(
+        "State in which order each person had the conditions (`period` of each recording in study.toml): until then, "
+        "practice or fatigue may be the change"
+    ),)  # fmt: skip
 
 
 def _recording_steps(found: AssessmentResult, undecided: Sequence[Certified]) -> tuple[Step, ...]:
@@ -432,7 +444,7 @@ def _numbers(found: AssessmentResult) -> list[AnswerNumber]:
     return made
 
 
-LOWER_BOUND = "lower bound: some movements never settled"
+LOWER_BOUND = "lower bound: some movements had not settled"
 """Words instead of an interval where only a lower bound of a change is known."""
 
 
@@ -489,10 +501,10 @@ def _decision(findings: AssessmentResult, each: Certified) -> tuple[str, str]:
     words, margin = lowered(point.index.words), margin_text(point, test).replace("-", MINUS_SIGN)
     if is_decided_by_people(own, name):
         shares = test.share_test(own.rule)
-        far = [signed_text(point, end) for end in limits(test.margin, shares.rule.far_margins)]
+        far = [signed_text(point, end) for end in limits(test.margin, shares.rule.far_margins) if np.isfinite(end)]
         told = (
             f"{shares.far} of {shares.people} people changed {words} by more than {shares.rule.far_margins:g} margins "
-            f"({' to '.join(far)} {point.unit}; {p_statement(own.p_beyond(name))})"
+            f"(beyond {' or '.join(far)} {point.unit}; {p_statement(own.p_beyond(name))})"
         )
         return f"{stated}, {told.replace('-', MINUS_SIGN)}", margin
     change = primary_change(findings, name, each.condition)
@@ -504,6 +516,6 @@ def _decision(findings: AssessmentResult, each: Certified) -> tuple[str, str]:
 
 
 def _cut_text(findings: AssessmentResult) -> str:
-    """Return the shares of movements that never settled, in a sentence; "" without any."""
-    cut = unsettled_shares(findings.settling)
-    return f" Never settled: {', '.join(cut)}." if cut else ""
+    """Return the numbers of movements that had not settled, in a sentence; "" without any."""
+    cut = unsettled_text(findings)
+    return f" {cut}." if cut else ""

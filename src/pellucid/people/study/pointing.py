@@ -482,7 +482,7 @@ REASON_WORDS = {
     "direction": "the other way",
     "no_peak": "without a clear peak of the speed",
     "too_few_samples": "with too few samples",
-    "unfinished": "not finished when the next target came",
+    "unfinished": "too fast at their last sample to have an end point",
 }
 """Words for `NoMovement.kind`, to follow a number."""
 

@@ -18,7 +18,7 @@ from .pointing import reason_words
 from .primary_change import ESTIMAND_WORDS, primary_change
 
 if TYPE_CHECKING:
-    from .assessment_result import Assessed, AssessmentResult, Settling
+    from .assessment_result import Assessed, AssessmentResult
 
 MIN_ISOCHRONY_R2 = 0.8
 """Isochrony counts as preserved if the mean R² between amplitude and mean velocity is at least this."""
@@ -38,15 +38,25 @@ def headline(found: AssessmentResult) -> str:
         for condition, (value, interval) in told.items()
         if value
     ]
-    cut = unsettled_shares(found.settling)
-    more = f"; never settled: {_listed(cut)}" if cut else ""
+    cut = unsettled_text(found)
+    more = f"; {cut}" if cut else ""
     words = lowered(leading.table.index.words)
     return f"{verdicts_text}{counts_text}; {words} against {found.control}: {', '.join(parts)}{more}."
 
 
-def unsettled_shares(settling: Sequence[Settling]) -> list[str]:
-    """Return in words the share of movements that never settled, for each condition in which some did not."""
-    return [f"{100.0 * each.curve.cut:.1f} % in {each.condition}" for each in settling if each.curve.cut]
+def unsettled_text(found: AssessmentResult) -> str:
+    """Return in words how many movements of each condition had not settled, and how they count; "" for none."""
+    cut = [
+        f"{each.curve.cut_count} of {each.curve.count} movements in {each.condition}"
+        for each in found.settling
+        if each.curve.cut_count
+    ]
+    if not cut:
+        return ""
+    also = ", including excluded ones," if found.left_out.get("unfinished") else ""
+    return (
+        f"{_listed(cut)}{also} had not settled when the next target came; they count as longer than seen (Kaplan-Meier)"
+    )
 
 
 def paragraph(found: AssessmentResult) -> str:
