@@ -30,8 +30,8 @@ agonists = {{ extension = "vastus", plantarflexion = "gastrocnemius" }}
 """
 
 
-def study(folder, people=4, told=None):
-    """People who push: vastus follows the force, gastrocnemius does not."""
+def study(folder, people=4, told=None, has_envelope=False):
+    """People who push: vastus follows the force, and gastrocnemius does not, unless its envelope was recorded."""
     rng, names, text = np.random.default_rng(5), [f"P{i}" for i in range(people)], ""
     folder.mkdir()
     for name in names:
@@ -39,9 +39,8 @@ def study(folder, people=4, told=None):
             time = np.arange(round(6.0 * FS)) / FS
             effort = 0.1 + np.interp(time, np.linspace(0.0, 6.0, 7), rng.uniform(0.1, 1.0, 7))
             other = 0.1 + np.interp(time, np.linspace(0.0, 6.0, 13), rng.uniform(0.1, 1.0, 13))
-            table = np.column_stack(
-                [1e3 * raw_emg(4e-4 * effort, rng), 1e3 * raw_emg(4e-4 * other, rng), 200.0 * effort]
-            )
+            second = 0.4 * effort if has_envelope else 1e3 * raw_emg(4e-4 * other, rng)
+            table = np.column_stack([1e3 * raw_emg(4e-4 * effort, rng), second, 200.0 * effort])
             np.savetxt(folder / f"{name}_{task}.csv", table, "%.8g", ",", header="VL,GL,force", comments="")
             text += (
                 f'\n[[recordings]]\nname = "{name}_{task}"\nfile = "{name}_{task}.csv"\nparticipant = "{name}"\n'
@@ -67,6 +66,21 @@ def test_muscles_that_follow_the_force_are_told_from_those_that_do_not(tmp_path)
     assert result.headline.startswith(start)
     assert "; less than 0.5: gastrocnemius" in result.headline
     assert {r.id for r in result.rows} >= {"dynamometer.extension.vastus.r"}
+
+
+def test_a_spoilt_envelope_decides_nothing_and_a_stated_one_does(tmp_path):
+    """An envelope that was filtered as raw EMG said no, and the advised unit 1 was refused."""
+    spoilt = run(study(tmp_path / "a", has_envelope=True), "emg_force")
+    assert [each.verdict for each in spoilt.answer.parts] == ["yes", "cannot say"]
+    assert "; an envelope, filtered as raw EMG: gastrocnemius." in spoilt.headline
+    assert "use these envelopes for co-contraction and force" in spoilt.answer.next[0].text
+    stated = study(
+        tmp_path / "b", told=lambda x: x.replace('"GL", unit = "mV"', '"GL", unit = "1"'), has_envelope=True
+    )
+    found = run(stated, "emg_force")
+    assert found.answer.verdict == "yes"
+    own = next(each for each in found.found if each.agonist and each.muscle == "gastrocnemius")
+    assert own.low > 0.98
 
 
 def test_what_tells_little_is_said():

@@ -1,5 +1,6 @@
 """What to do next improves an answer that is not yes, and names nothing that is done already."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,12 @@ import pytest
 from pellucid.arm.study import tree_result
 from pellucid.emg.study import muscle_channels
 from pellucid.emg.study.emg_force.emg_force_table import EmgForceTable
-from pellucid.emg.study.emg_force.find_emg_force import EmgForceResult, force_answer, summarise_people
+from pellucid.emg.study.emg_force.find_emg_force import (
+    EmgForceResult,
+    force_answer,
+    needed_people,
+    summarise_people,
+)
 from pellucid.emg.study.emg_torque import calibrate
 from pellucid.models.estimates import Verdict
 from pellucid.orthosis.study.hinge import identify_hinge
@@ -93,7 +99,7 @@ def force_result(low, high, enveloped=()):
     rng = np.random.default_rng(1)
     table = EmgForceTable(agonists={"push": "triceps"})
     each = {f"P{i}": float(r) for i, r in enumerate(rng.uniform(low, high, 8))}
-    found = (summarise_people("push", "triceps", table, each),)
+    found = (replace(summarise_people("push", "triceps", table, each), is_spoiled="triceps" in enveloped),)
     return EmgForceResult(
         study="s", headline="", tables=(), rows=(), verdicts=(), cards={}, checksums={}, found=found,
         enveloped=dict.fromkeys(enveloped, 4),
@@ -101,18 +107,36 @@ def force_result(low, high, enveloped=()):
 
 
 def test_envelopes_in_the_place_of_raw_emg_are_named_where_they_prevent_an_answer():
+    """A correlation with a spoilt envelope said no of the muscle."""
     answer = force_answer(force_result(0.1, 0.4, enveloped=("triceps", "biceps")))
-    assert answer.verdict == "no"
-    assert answer.next[0].text.startswith("Record raw EMG: the channels of triceps (4 recordings) are envelopes")
-    assert "biceps" not in answer.next[0].text
+    assert (answer.verdict, answer.reason) == ("cannot say", "triceps in push: an envelope, filtered as raw EMG")
+    (step,) = answer.next
+    assert step.text == (
+        "Record raw EMG, or use these envelopes for co-contraction and force only and state unit 1 for them in "
+        "study.toml: triceps (4 recordings)"
+    )
     (check,) = force_answer(force_result(0.1, 0.4)).next
     assert "Check the electrodes of triceps" in check.text
     assert force_answer(force_result(0.9, 0.95)).next[0].name == "paper"
 
 
 def test_an_interval_on_both_sides_of_the_bound_needs_more_people():
-    (step,) = force_answer(force_result(0.3, 0.99)).next
-    assert "Record more people than these 8" in step.text
+    """It advised more people, without their number."""
+    result = force_result(0.3, 0.99)
+    (step,) = force_answer(result).next
+    needed = needed_people(result.found[0])
+    assert step.text == f"Record more people, for a power of 80 %: {needed} in all for triceps"
+    z, limit = np.arctanh(result.found[0].each), np.arctanh(0.5)
+    rng, decided = np.random.default_rng(3), 0
+    for _ in range(2000):
+        own = np.tanh(rng.normal(z.mean(), z.std(ddof=1), needed))
+        each = summarise_people("push", "triceps", EmgForceTable(agonists={"push": "triceps"}), dict(enumerate(own)))
+        decided += each.low > 0.5 if z.mean() > limit else each.high < 0.5
+    assert 0.78 < decided / 2000 < 0.86
+    even = replace(result.found[0], each=tuple(np.tanh(np.linspace(limit - 0.4, limit + 0.4, 8))))
+    assert needed_people(even) is None
+    (step,) = force_answer(replace(result, found=(even,))).next
+    assert step.text == "triceps: more people do not decide, up to 200; check electrodes and load cell"
 
 
 def test_too_few_trials_say_how_many_more_to_record():

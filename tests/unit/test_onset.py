@@ -1,5 +1,7 @@
 """Onsets of muscles: known ones are found with honest intervals, and bad input is named."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -7,8 +9,9 @@ from scipy import signal
 import pellucid as pl
 from pellucid._errors import RecordingError
 from pellucid.emg.signals.emg_onset import Burst, ChangePoint, activations, teager_kaiser
-from pellucid.emg.study.onset.find_onsets import MuscleBursts
+from pellucid.emg.study.onset.find_onsets import MuscleBursts, _sought_muscles
 from pellucid.emg.study.onset.onset_page import MARKER_SIZES, marker_size
+from pellucid.emg.study.onset.onset_table import OnsetTable
 from pellucid.study.answer import AnswerPart, reason_of_parts
 from pellucid.study.drawing.style import FIGURE_WIDTH
 from pellucid.study.procedures.registry import open_study
@@ -127,6 +130,14 @@ def test_a_check_searches_no_onset(tmp_path, monkeypatch):
     assert not check(study(tmp_path / "bursts"))
 
 
+def test_a_stated_envelope_beside_raw_emg_is_not_searched_unless_it_is_named():
+    stream = SimpleNamespace(
+        channels={"emg.vastus": SimpleNamespace(unit="V"), "emg.gastrocnemius": SimpleNamespace(unit="1")}
+    )
+    assert _sought_muscles(stream, OnsetTable()) == ("vastus",)
+    assert _sought_muscles(stream, OnsetTable(muscles=("gastrocnemius",))) == ("gastrocnemius",)
+
+
 def test_an_envelope_is_refused(tmp_path):
     opened = study(tmp_path / "bursts", unit="1", change=np.abs)
     with pytest.raises(RecordingError, match=r"channel emg\.vastus: found the unit 1, expected raw EMG in V"):
@@ -216,7 +227,7 @@ def test_missed_onsets_are_counted_by_cause_the_most_frequent_first(tmp_path):
     opened = study(tmp_path / "s", change=lambda x: 2e-5 + np.abs(x))
     answer = onset(opened).answer
     assert answer.reason == "1 not found: vastus in trial: an envelope, not raw EMG"
-    assert answer.next[0].text.startswith("Record raw EMG: the channels of vastus (1 recording) are envelopes")
+    assert answer.next[0].text.endswith("state unit 1 for them in study.toml: vastus (1 recording)")
     parts = [AnswerPart(f"channel {i}", "no", ("too weak", "too short")[i % 3 == 0]) for i in range(9)]
     assert reason_of_parts(parts) == "too weak (6); too short (3)"
     assert reason_of_parts(parts[:2]) == "channel 0: too short; channel 1: too weak"

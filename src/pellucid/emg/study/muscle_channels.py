@@ -16,6 +16,7 @@ from ...files.fault import Fault
 from ...files.recording import MAXIMAL_PROTOCOL, Recording
 from ...models.estimates import Verdict
 from ...study.answer import Step
+from ...study.procedures.audit import ENVELOPE_CORRECTION
 from ...study.study import Study
 from ..signals.emg_chain import EmgChain, emg_chain
 from ..signals.emg_findings import (
@@ -209,8 +210,7 @@ def raw_emg_steps(enveloped: Mapping[str, int]) -> tuple[Step, ...]:
     """Return the step that muscles need whose channels hold envelopes where raw EMG was expected; none without any."""
     if not enveloped:
         return ()
-    named = counted_muscles(enveloped)
-    return (Step(f"Record raw EMG: the channels of {named} are envelopes, and filters for raw EMG spoil them"),)
+    return (Step(ENVELOPE_CORRECTION.format(channels=counted_muscles(enveloped))),)
 
 
 def counted_muscles(counts: Mapping[str, int]) -> str:
@@ -391,28 +391,39 @@ def _stream_envelopes(
         return stream.time[every], {m: _recorded_envelope(stream, m)[every] for m in find_used_muscles(stream, table)}
     chain = _without_normalisation(asked)
     settling = round(FILTER_SETTLING_S * stream.fs)
-    kept = slice(None)
     if len(stream) < 4 * settling:
         raise RecordingError(
             f"{stream.path.name} (recording {stream.name}): found {len(stream) / stream.fs:.3g} s of EMG, expected at "
             f"least {4.0 * FILTER_SETTLING_S:g} s"
         )
-    made = {}
-    for muscle in find_used_muscles(stream, table):
-        if stream.channels[f"emg.{muscle}"].unit != "V":
+    made, muscles = {}, find_used_muscles(stream, table)
+    has_raw = any(stream.channels[f"emg.{muscle}"].unit == "V" for muscle in muscles)
+    whole = stream.uncut or stream
+    inside = _find_window(whole, stream)
+    # Settling time is left out only where the file itself begins or ends, not at the window's ends.
+    first, last = max(settling - inside.start, 0), max(settling - (len(whole) - inside.stop), 0)
+    kept = slice(first, inside.stop - inside.start - last)
+    for muscle in muscles:
+        is_raw = stream.channels[f"emg.{muscle}"].unit == "V"
+        if not is_raw and not has_raw:
             raise RecordingError(
                 f"{name_channel(stream, muscle)}: found the unit {stream.channels[f'emg.{muscle}'].unit}, expected V "
                 f'for the chain {chain.name}; use chain = "none" where envelopes were recorded'
             )
-        samples, inside = raw_whole_file(stream, muscle)
-        # Settling time is left out only where the file itself begins or ends, not at the window's ends.
-        first, last = max(settling - inside.start, 0), max(settling - (len(samples) - inside.stop), 0)
-        kept = slice(first, inside.stop - inside.start - last)
+        if not is_raw:
+            _recorded_envelope(stream, muscle)
+        own = chain if is_raw else _smoothing_part(chain)
         try:
-            made[muscle] = chain.zero_phase(samples, stream.fs, inside=inside)[kept][every]
+            made[muscle] = own.zero_phase(whole[f"emg.{muscle}"], stream.fs, inside=inside)[kept][every]
         except PellucidError as error:
             raise RecordingError(f"{name_channel(stream, muscle)}: {error}") from None
     return stream.time[kept][every], made
+
+
+def _smoothing_part(chain: EmgChain) -> EmgChain:
+    """Return the stages that smooth rectified EMG: recorded envelopes become as smooth as those of raw EMG."""
+    kinds = [stage.kind for stage in chain.stages]
+    return replace(chain, stages=chain.stages[kinds.index("rectify") :])
 
 
 def _recorded_envelope(stream: Recording, muscle: str) -> np.ndarray:

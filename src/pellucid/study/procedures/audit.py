@@ -45,12 +45,17 @@ MAX_LISTED_FILES = 3
 MAX_LISTED_CHANNELS = 12
 """The first sentence names at most this many channels of each verdict."""
 
+ENVELOPE_CORRECTION = (
+    "Record raw EMG, or use these envelopes for co-contraction and force only and state unit 1 for them in study.toml: "
+    "{channels}"
+)
+"""What to do with envelopes among channels of raw EMG, in an audit and in every analysis of EMG."""
+
 CORRECTIONS = {
     VERDICT_WORDS["no_time"]: "Give the rate of files without a column of time by `--rate HZ`",
     VERDICT_WORDS["personal"]: "Remove what identifies a person from the files: {channels}",
     VERDICT_WORDS["unit"]: "Correct the unit of {channels}",
-    VERDICT_WORDS["envelope"]: "Record raw EMG, or use these envelopes for co-contraction and force only and "
-    "state unit 1 for them in study.toml: {channels}",
+    VERDICT_WORDS["envelope"]: ENVELOPE_CORRECTION,
     VERDICT_WORDS["exchanged"]: "Correct the names of {channels}",
     VERDICT_WORDS["impossible"]: "Correct the unit of {channels}, or record again without the impossible values",
     VERDICT_WORDS[held.KIND]: "Log {channels} with a clock of its own, or exclude it from the study (another clock)",

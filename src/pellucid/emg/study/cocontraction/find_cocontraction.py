@@ -129,15 +129,12 @@ def cocontraction_answer(result: CocontractionResult) -> Answer:
         parts,
         numbers,
         Basis(count, count),
-        improve=(*raw_emg_steps(smooth), *((ENVELOPE_STEP,) if smooth else ()), *((LONGER_STEP,) if short else ())),
+        improve=(*raw_emg_steps(smooth), *((LONGER_STEP,) if short else ())),
     )
 
 
 LONGER_STEP = Step(f"Record each pair for {MIN_INTERVAL_S:g} s or longer: shorter recordings give no interval")
 """Next step where recordings are too short."""
-
-ENVELOPE_STEP = Step('Or take co-contraction of recorded envelopes alone: state their unit as 1 and `chain = "none"`')
-"""Next step where envelopes were recorded: co-contraction needs no raw EMG, but one kind of channel."""
 
 
 def faults(study: Study) -> list[Fault]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -57,6 +57,15 @@ MAX_CORRELATION = 0.9999
 ForceAnswer = Literal["follows the force", "tells some of the force", "tells little of the force", "cannot say"]
 """Possible answers to whether a muscle's EMG follows the force."""
 
+SPOILED_WORDS = "an envelope, filtered as raw EMG"
+"""Why nothing can be said of a muscle."""
+
+MAX_PEOPLE = 200
+"""Largest number of people that a next step advises."""
+
+POWER = 0.8
+"""Probability with which the advised number of people decides, if correlations are as those recorded."""
+
 HEADLINE_WORDS: dict[AnswerVerdict, str] = {
     "yes": "{least:g} or more",
     "no": "less than {least:g}",
@@ -78,10 +87,14 @@ class MuscleForce:
     low: float  # Lower end of its interval over people
     high: float  # Upper end
     follows: float  # Correlation that counts as following the force, stated beforehand
+    confidence: float = 0.95  # Level of the interval
+    is_spoiled: bool = False  # Whether a recorded envelope was filtered as raw EMG, which says nothing of the muscle
 
     @property
     def answer(self) -> ForceAnswer:
         """Answer for the stated correlation."""
+        if self.is_spoiled:
+            return "cannot say"
         if self.low >= self.follows:
             return "follows the force"
         if self.low > 0.0:
@@ -91,6 +104,8 @@ class MuscleForce:
     @property
     def verdict(self) -> AnswerVerdict:
         """Whether the correlation is the stated one or more."""
+        if self.is_spoiled:
+            return "cannot say"
         return "yes" if self.low >= self.follows else "no" if self.high < self.follows else "cannot say"
 
 
@@ -124,15 +139,17 @@ def find_emg_force(study: Study, tell: Progress = quiet) -> EmgForceResult:
         for muscle, envelope in recording.envelopes.items():
             key = str(recording.condition), muscle
             each.setdefault(key, {})[recording.participant or recording.name] = _correlation(envelope, smooth)
+    smooth = set(enveloped_channels(study, table))
+    spoiled = {(str(r.condition), muscle) for r in recordings for muscle in r.envelopes if (r.name, muscle) in smooth}
     found = tuple(
-        summarise_people(task, muscle, table, own)
+        replace(summarise_people(task, muscle, table, own), is_spoiled=(task, muscle) in spoiled)
         for (task, muscle), own in sorted(each.items(), key=lambda item: table.agonists.get(item[0][0]) != item[0][1])
     )
     return EmgForceResult(
         study=study.name, headline=_headline(found, table.confidence), tables=(_table(found, table.confidence),),
         rows=tuple(_rows(study.name, found, table.confidence)), found=found, verdicts=tuple(_verdicts(found)),
         confidence=table.confidence, cards={}, checksums={each.name: each.checksum for each in recordings},
-        enveloped=Counter(muscle for _, muscle in enveloped_channels(study, table)),
+        enveloped=Counter(muscle for _, muscle in smooth),
     )  # fmt: skip
 
 
@@ -142,7 +159,8 @@ def force_answer(result: EmgForceResult) -> Answer:
     for each in (each for each in result.found if each.agonist):
         name = f"{_words(each.muscle)} in {_words(each.task)}"
         interval = f"{each.low:.2f} to {each.high:.2f}"
-        parts.append(AnswerPart(name, each.verdict, f"r {each.mean:.2f} ({interval}): {each.answer}"))
+        reason = SPOILED_WORDS if each.is_spoiled else f"r {each.mean:.2f} ({interval}): {each.answer}"
+        parts.append(AnswerPart(name, each.verdict, reason))
         numbers.append(AnswerNumber(f"correlation of {name} with the force", each.mean, "1", (each.low, each.high)))
     count, least = len(result.checksums), next((each.follows for each in result.found), 1.0)
     return answer_of_parts(
@@ -157,16 +175,21 @@ def force_answer(result: EmgForceResult) -> Answer:
 
 def _improving(result: EmgForceResult) -> tuple[Step, ...]:
     """Return what improves muscles that are not shown to follow the force: raw EMG, more people, or other muscles."""
-    own = [each for each in result.found if each.agonist and not each.low >= each.follows]
-    smooth = {each.muscle: result.enveloped[each.muscle] for each in own if each.muscle in result.enveloped}
+    own = [each for each in result.found if each.agonist and each.verdict != "yes"]
+    smooth = {each.muscle: result.enveloped[each.muscle] for each in own if each.is_spoiled}
     steps = list(raw_emg_steps(smooth))
-    open_ones = [each for each in own if each.high >= each.follows]
+    open_ones = [each for each in own if each.verdict == "cannot say" and not each.is_spoiled]
     if open_ones:
-        names = ", ".join(dict.fromkeys(_words(each.muscle) for each in open_ones))
-        people = max(len(each.each) for each in open_ones)
-        steps.append(Step(f"Record more people than these {people}: the intervals of {names} reach both sides of "
-                          f"{open_ones[0].follows:g}"))  # fmt: skip
-    rest = [each for each in own if each not in open_ones and each.muscle not in smooth]
+        needed: dict[int | None, list[str]] = {}
+        for each in open_ones:
+            needed.setdefault(needed_people(each), []).append(_words(each.muscle))
+        named = [f"{people} in all for {', '.join(names)}" for people, names in needed.items() if people is not None]
+        if named:
+            steps.append(Step(f"Record more people, for a power of {100 * POWER:g} %: {'; '.join(named)}"))
+        if None in needed:
+            text = f"more people do not decide, up to {MAX_PEOPLE}; check electrodes and load cell"
+            steps.append(Step(f"{', '.join(needed[None])}: {text}"))
+    rest = [each for each in own if each.verdict == "no"]
     if rest:
         names = ", ".join(dict.fromkeys(_words(each.muscle) for each in rest))
         text = f"Check the electrodes of {names} and the load cell, or record a muscle that acts in this task"
@@ -215,8 +238,27 @@ def summarise_people(task: str, muscle: str, table: EmgForceTable, each: dict[st
     low, high = (float(np.tanh(end)) for end in (mean - half, mean + half))
     own = table.agonists.get(task) == muscle
     return MuscleForce(
-        task, muscle, own, tuple(each), tuple(map(float, values)), float(np.tanh(mean)), low, high, table.follows
+        task, muscle, own, tuple(each), tuple(map(float, values)), float(np.tanh(mean)), low, high, table.follows,
+        table.confidence,
     )
+
+
+def needed_people(found: MuscleForce) -> int | None:
+    """Return with how many people the interval excludes the stated correlation, with the probability `POWER`.
+
+    Mean and spread over people are taken as those of the people recorded. None above `MAX_PEOPLE`.
+    """
+    from scipy.stats import nct
+    from scipy.stats import t as student
+
+    z = np.arctanh(np.clip(found.each, -MAX_CORRELATION, MAX_CORRELATION))
+    if len(z) < MIN_PEOPLE:
+        return MIN_PEOPLE
+    effect = abs(z.mean() - np.arctanh(min(found.follows, MAX_CORRELATION))) / z.std(ddof=1)
+    counts = np.arange(len(z) + 1, MAX_PEOPLE + 1)
+    limits = student.ppf(0.5 + 0.5 * found.confidence, counts - 1)
+    enough = counts[nct.sf(limits, counts - 1, effect * np.sqrt(counts)) >= POWER]
+    return int(enough[0]) if len(enough) else None
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
@@ -242,10 +284,12 @@ def _headline(found: Sequence[MuscleForce], level: float) -> str:
             f"{_words(e.muscle)}{f' in {_words(e.task)}' if muscles[e.muscle] > 1 else ''} {e.mean:.2f} "
             f"({e.low:.2f} to {e.high:.2f})"
             for e in own
-            if e.verdict == verdict
+            if e.verdict == verdict and not e.is_spoiled
         ]
         if told:
             parts.append(f"{words.format(least=own[0].follows)}: {', '.join(told)}")
+    spoiled = dict.fromkeys(_words(e.muscle) for e in own if e.is_spoiled)
+    parts += [f"{SPOILED_WORDS}: {', '.join(spoiled)}"] if spoiled else []
     of = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     return f"Correlation of EMG and force, {of} {people} ({100 * level:g} % interval): {'; '.join(parts)}."
 

@@ -115,7 +115,7 @@ def faults(study: Study) -> list[Fault]:
     found = emg_faults(study, table)
     for recording in find_recordings_with_emg(study, table):
         stream = emg_stream(recording, table)
-        for muscle in find_used_muscles(stream, table):
+        for muscle in _sought_muscles(stream, table):
             name = f"emg.{muscle}"
             if any(fault.channel == name and fault.severity == "refuse" for fault in found):
                 continue
@@ -136,7 +136,7 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
     for i, recording in enumerate(recordings):
         tell(f"onsets in {recording.name}", i / len(recordings))
         stream, split = emg_stream(recording, table), "fitted" if recording.use == "fit" else "heldout"
-        for muscle in find_used_muscles(stream, table):
+        for muscle in _sought_muscles(stream, table):
             raw_channel(stream, muscle)
             base = f"{study.name}.{recording.name}.{muscle}"
             settings = {"shortest": table.shortest, "pause": table.pause, "level": table.confidence}
@@ -190,6 +190,13 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
         muscles=tuple(found),
         missed=tuple(missed),
     )
+
+
+def _sought_muscles(stream: Recording, table: OnsetTable) -> tuple[str, ...]:
+    """Return the muscles that the table names, or those of raw EMG; all if none is raw."""
+    used = find_used_muscles(stream, table)
+    raw = tuple(muscle for muscle in used if stream.channels[f"emg.{muscle}"].unit == "V")
+    return used if table.muscles else raw or used
 
 
 def _headline(found: Sequence[MuscleBursts], missed: Sequence[MissedMuscle], level: float) -> str:
