@@ -39,7 +39,7 @@ def study(folder, people=4, told=None, has_envelope=False):
             time = np.arange(round(6.0 * FS)) / FS
             effort = 0.1 + np.interp(time, np.linspace(0.0, 6.0, 7), rng.uniform(0.1, 1.0, 7))
             other = 0.1 + np.interp(time, np.linspace(0.0, 6.0, 13), rng.uniform(0.1, 1.0, 13))
-            second = 0.4 * effort if has_envelope else 1e3 * raw_emg(4e-4 * other, rng)
+            second = 40.0 * effort if has_envelope else 1e3 * raw_emg(4e-4 * other, rng)
             table = np.column_stack([1e3 * raw_emg(4e-4 * effort, rng), second, 200.0 * effort])
             np.savetxt(folder / f"{name}_{task}.csv", table, "%.8g", ",", header="VL,GL,force", comments="")
             text += (

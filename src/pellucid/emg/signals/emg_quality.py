@@ -32,6 +32,9 @@ class QualityThresholds:
 
 EMG_LIMITS = QualityThresholds()
 
+ENVELOPE_SCALE_KIND = "normalisation"
+"""Kind of the fault of relative envelopes that are too large, or too small, for shares of a maximal contraction."""
+
 
 def find_hum(recordings: Sequence[Recording]) -> float | None:
     """Return the frequency of the mains [Hz] whose hum the raw EMG of some recordings has; None without clear hum."""
@@ -190,7 +193,7 @@ def _relative_faults(recording: Recording, name: str, x: np.ndarray) -> list[Fau
         )
         # A held-out recording does not define the scale, so that it is reported and used as it is.
         severity = "refuse" if recording.use == "fit" else "warn"
-        return [_fault(severity, "normalisation", recording, name, found, expected)]
+        return [_fault(severity, ENVELOPE_SCALE_KIND, recording, name, found, expected)]
     if top == float(np.min(x)):
         return [
             _fault("refuse", "detached_electrode", recording, name, f"the constant value {top:g}", "an EMG envelope")
@@ -198,7 +201,7 @@ def _relative_faults(recording: Recording, name: str, x: np.ndarray) -> list[Fau
     if top < EMG_LIMITS.min_envelope_peak:
         found = f"at most {100.0 * top:.2g} % of the maximal contraction"
         expected = f"more than {100 * EMG_LIMITS.min_envelope_peak:g} % somewhere, or the muscle's own maximum"
-        return [_fault("note", "normalisation", recording, name, found, expected)]
+        return [_fault("note", ENVELOPE_SCALE_KIND, recording, name, found, expected)]
     return []
 
 

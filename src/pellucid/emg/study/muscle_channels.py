@@ -26,7 +26,7 @@ from ..signals.emg_findings import (
     own_maximum_finding,
     without_short_peaks,
 )
-from ..signals.emg_quality import FINDING_FAULTS, channel_fault, find_hum, inspect_emg
+from ..signals.emg_quality import ENVELOPE_SCALE_KIND, FINDING_FAULTS, channel_fault, find_hum, inspect_emg
 from ..signals.exchanged import exchanged_recordings
 from .emg_torque.emg_torque_table import EmgTorqueTable
 from .muscle_tables import EnvelopeTable, MuscleTable
@@ -157,6 +157,8 @@ def emg_faults(study: Study, table: MuscleTable) -> list[Fault]:
         only = replace(stream, channels={n: c for n, c in stream.channels.items() if n in wanted})
         found += inspect_emg(only, notches=notches)
         streams.append(only)
+    if isinstance(table, EnvelopeTable):  # The analysis scales envelopes itself, so that any scale will do
+        found = [fault for fault in found if fault.kind != ENVELOPE_SCALE_KIND]
     return found + session_faults(study, streams)
 
 
