@@ -28,6 +28,7 @@ from pellucid.study.answer import (
     answer_of_findings,
     needed_of_parts,
     verdict_of_parts,
+    with_assumed,
 )
 from pellucid.study.drawing.drawing import Drawing, draw
 from pellucid.study.pages.forest import Estimate, Row, Table, forest
@@ -246,7 +247,7 @@ def test_what_a_controller_lacks_is_recorded_before_it_is_exported():
 def test_a_recording_beyond_the_bound_is_named_before_a_controller():
     answer = predicting((5.0, 30.0, 5.0)).answer
     assert answer.verdict == "yes"
-    assert answer.next[0].text.startswith("Find what differs in trial_2 (30.0 %): a payload")
+    assert answer.next[0].text.startswith("Find what differs in trial_2 (30.0 %, held out): a payload")
     assert "(5.00 to 30.0 % by recording; above 20 %: trial_2)" in answer.sentence
     assert "(5.00 to 15.0 % by recording, worst trial_2)" in predicting((5.0, 15.0)).answer.sentence
     assert "(5.00 to 6.00 % by recording)" in predicting((5.0, 6.0)).answer.sentence
@@ -271,9 +272,17 @@ def test_a_bound_that_the_interval_covers_is_said_to_be_uncertain():
     fit = predicting((5.0,), 17.0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "error_interval", lambda fit: (14.0, 21.0))
-        assert "(95 % CI 14.0 to 21.0 %, R² 0.960), just within 20 % and uncertain" in fit.answer.sentence
+        answer = fit.answer
+        assert "(95 % CI 14.0 to 21.0 %, R² 0.960), just within 20 % and uncertain" in answer.sentence
+        assert answer.badge == "Yes (uncertain)"
+        unscaled = with_assumed(answer, (Assumption("units", "rad", is_scale=True),))
+        assert unscaled.badge == "Yes (uncertain, scale not confirmed)"
+        assert [step.text for step in answer.next if step.name == "export"] == [
+            "Export a controller once the interval ends within the bound"
+        ]
         patch.setattr(module, "error_interval", lambda fit: (14.0, 19.0))
         assert "just within" not in fit.answer.sentence
+        assert fit.answer.badge == "Yes"
 
 
 def test_a_recording_with_a_number_keeps_its_name():
@@ -290,6 +299,13 @@ def test_an_effort_that_is_computed_is_not_said_to_be_measured():
     drawn = answer_figure(predicting(computed=source))
     assert "its effort: torque computed from the drive's voltage" in drawn.caption
     assert "measured" not in drawn.caption
+
+
+def test_a_simulated_effort_is_not_said_to_be_measured():
+    drawn = answer_figure(replace(predicting(computed="torque computed from the drive's current"), is_simulated=True))
+    words = [text.get_text() for axis in drawn.figure.axes for text in axis.texts]
+    assert "measured" not in " ".join((drawn.caption, *words))
+    assert "simulated" in drawn.caption
 
 
 def test_an_error_near_the_bound_says_so_and_asks_for_another_recording():

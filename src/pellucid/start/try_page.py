@@ -22,7 +22,6 @@ from ..study.drawing.drawing import (
     heads,
     key,
     measured_and_predicted,
-    recorded_word,
     shade_gaps,
     tidy,
 )
@@ -42,6 +41,7 @@ from ..study.pages.quantities import (
     value_and_half_interval,
 )
 from ..study.procedures.study_page import figure_tables, parameter_tables
+from ..study.recorded_motions import recorded_word
 from .proposal_page import layout_tables
 from .study_text import channel_name
 

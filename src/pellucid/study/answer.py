@@ -478,7 +478,8 @@ def with_assumed(answer: Answer, assumed: Sequence[Assumption]) -> Answer:
     named = ", ".join(f"{each.words} = {each.taken}" for each in scales)
     if answer.is_relative:
         said = f"{answer.said.rstrip('.')}; no file states the scale of the parameters; assumed: {named}"
-        return replace(answer, said=said, qualifier=answer.qualifier or UNCONFIRMED_SCALE)
+        limits = filter(None, (answer.qualifier, UNCONFIRMED_SCALE))
+        return replace(answer, said=said, qualifier=", ".join(limits))
     reason = f"no file states the scale of these figures, and a default is assumed: {named}"
     said = f"No file states the scale of these figures; assumed: {named}. {begun(answer.said)}"
     return replace(answer, verdict="cannot say", reason=reason, said=said, is_unconfirmed=True)

@@ -60,6 +60,11 @@ def computed_effort(kinds: Iterable[str], effort_unit: str) -> str:
     return f"{effort} computed from the drive's {' or '.join(sources)}" if effort and sources else ""
 
 
+def recorded_word(computed: str, *, is_simulated: bool = False) -> str:
+    """Return the word for a recorded line; `computed` says what it was computed from, "" where it was recorded."""
+    return "simulated" if is_simulated else "computed" if computed else "measured"
+
+
 def command_of(recording: Recording, rig: JointTable | SeveralJoints) -> np.ndarray:
     """The drive's command as recorded: torque, current, or voltage (duty times supply where only duty is recorded).
     Gives (n,) [N*m], [N], [A], [V]."""

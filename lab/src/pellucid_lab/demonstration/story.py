@@ -78,8 +78,8 @@ def _headline(made: Demonstration) -> str:
     torque = _torque_values(made)
     return (
         f"The model of a real servo predicts the torque of {judged} held-out recordings with an error of "
-        f"{_real_error(made)} %{error_range_text(made.real_fit)}. A virtual robot was identified with the same "
-        f"methods. With its controller, the torque between robot and person is {torque[BEST_SENSED_CONTROLLER]} N·m."
+        f"{_real_error(made)} %{error_range_text(made.real_fit)}. A simulated robot was identified with the same "
+        f"methods; with its force sensor, {torque[BEST_SENSED_CONTROLLER]} N·m RMS act between it and its wearer."
     )
 
 

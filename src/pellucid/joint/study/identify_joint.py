@@ -218,6 +218,7 @@ def identify_joint(
         motion=study.rig.motion,
         effort_unit=drive.effort_unit,
         computed=computed_effort([study.rig.drive.kind] if study.rig.drive else [], drive.effort_unit),
+        is_simulated=bool(study.config.simulated),
         lifts=study.rig.lifts,
         families=fits,
         choice=choice,

@@ -86,6 +86,12 @@ HOLD_OUT_STEP = Step('Hold out some recordings (write `use = "validate"` in stud
 CONTROLLER_STEP = Step("Export a controller, because the model predicts the joint", "export")
 """Next step with a model that predicts."""
 
+LATER_STEP = Step("Export a controller once the interval ends within the bound", "export")
+"""Next step with a model that may not predict, by the interval of its error."""
+
+UNCERTAIN = "uncertain"
+"""Limit of a yes where the interval of the error includes the bound."""
+
 UNIDENTIFIED_FINDINGS = ("wide_interval", "weak_parameter")
 """Findings that a parameter is not known well enough for a controller."""
 
@@ -132,7 +138,8 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     sure = ", ".join(filter(None, (sure, f"R² {number(r2, digits=3)}" if np.isfinite(r2) else "")))
     known_r2 = f" ({sure})" if sure and not ranged else ""
     verdict, reason = _verdict(error.number, r2, judged)
-    near = _margin_text(fit, error.number, interval) if verdict == "yes" else ""
+    is_open = verdict == "yes" and interval is not None and interval[1] > MAX_GOOD_ERROR
+    near = _margin_text(fit, error.number, is_open=is_open) if verdict == "yes" else ""
     said += f"{ranged}{known_r2}{near}{_constant_text(fit, effort)}."
     no_machine = next((v.text for v in fit.verdicts if v.finding in NO_MACHINE_FINDINGS and v.kind == "warning"), "")
     if verdict == "yes" and no_machine:
@@ -142,19 +149,18 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     if np.isfinite(r2):
         numbers.append(AnswerNumber(f"R2 on {judged}", r2, "1"))
     if verdict == "yes":
-        steps = (*_recording_steps(fit, is_close=bool(near)), CONTROLLER_STEP)
+        steps = (*_recording_steps(fit, is_close=bool(near)), LATER_STEP if is_open else CONTROLLER_STEP)
     else:
         steps = improving_steps(fit.verdicts, RICHER_STEP)
     steps = steps if held else (HOLD_OUT_STEP, *steps)
     return Answer(
         question, verdict, said, reason, numbers=tuple(numbers), basis=_basis(fit, judged),
-        next=steps, is_relative=True,
+        next=steps, is_relative=True, qualifier=UNCERTAIN if is_open and verdict == "yes" else "",
     )  # fmt: skip
 
 
-def _margin_text(fit: JudgedJoint, error: float, interval: tuple[float, float] | None) -> str:
+def _margin_text(fit: JudgedJoint, error: float, *, is_open: bool) -> str:
     """Return that an error [%] is just within the bound, and by how much it exceeds the fitted one; "" otherwise."""
-    is_open = interval is not None and interval[1] > MAX_GOOD_ERROR
     if error <= (1.0 - JUST_WITHIN_SHARE) * MAX_GOOD_ERROR and not is_open:
         return ""
     fitted = float(fit.headlined.fitted_effort_error)
@@ -167,7 +173,12 @@ def _recording_steps(fit: JudgedJoint, *, is_close: bool) -> tuple[Step, ...]:
     groups = _held_out_recordings(fit)
     steps = [*steps_before_use(fit.verdicts, UNIDENTIFIED_FINDINGS)]
     errors = _recording_errors(fit) if len(groups) > 1 else {}
-    beyond = [f"{name} ({percent(error)} %)" for name, error in errors.items() if error > MAX_GOOD_ERROR]
+    held = {group[0].recording for group in groups}
+    beyond = [
+        f"{name} ({percent(error)} %, {'held out' if name in held else 'fitted'})"
+        for name, error in errors.items()
+        if error > MAX_GOOD_ERROR
+    ]
     if beyond:
         text = f"Find what differs in {listed_names(beyond, MAX_NAMED_RECORDINGS)}"
         steps.append(Step(f"{text}: a payload, another setting, the temperature"))

@@ -31,7 +31,6 @@ from ...study.drawing.drawing import (
     measured_and_predicted,
     one_panel,
     origin,
-    recorded_word,
     shade_gaps,
     tidy,
 )
@@ -232,7 +231,7 @@ def effort(fit: JointResult, family: FamilyFit) -> Drawing:
         rest = f"{SPLIT_LABELS[first.split]} · error {error} % · {percent(100.0 * covered)} % of samples inside"
         heads([wide], [Head(first.recording, rest, colour(first.split))])
         if row == 0:
-            entries = [(recorded_word(fit.computed), colour("measured")), ("predicted", colour(first.split))]
+            entries = [(fit.recorded, colour("measured")), ("predicted", colour(first.split))]
             key(zoom if zoom.get_visible() else wide, entries)
         for axis in (wide, zoom):
             axis.set_xlabel("Time (s)" if row == len(shown) - 1 else "")
@@ -240,7 +239,7 @@ def effort(fit: JointResult, family: FamilyFit) -> Drawing:
     return Drawing(
         "effort",
         figure,
-        f"Effort {recorded_word(fit.computed)} (black; white on a dark page) and predicted by the {family.family} "
+        f"Effort {fit.recorded} (black; white on a dark page) and predicted by the {family.family} "
         "model (dashed, colour); the band is the 95 % prediction interval. The error is the norm of the difference "
         "relative to the norm of the effort."
         + (f" {SHADED_GAPS_WORDS}" if gaps else "")
@@ -633,7 +632,7 @@ def moving_joint(
     unit: str,
     error: Value,
     use: str,
-    computed: str,
+    recorded: str,
     caption: str,
 ) -> MovingDrawing:
     """Draw a joint along the busiest seconds of a recording, with its measured and predicted effort.
@@ -654,8 +653,8 @@ def moving_joint(
         Error of the prediction over all `parts` [%].
     use : str
         Use of the recordings in words, such as "held out".
-    computed : str
-        What the effort is computed from, in words; "" where it was recorded as such.
+    recorded : str
+        Word for the recorded effort, such as "measured".
     caption : str
         Text below the figure.
     """
@@ -689,13 +688,13 @@ def moving_joint(
     traces.set_xlim(start, stop)
     errors.set_xlabel("Time (s)")
     heads([traces], [Head(group[0].recording, use, colour(role))])
-    key(traces, [(recorded_word(computed), colour("measured")), ("predicted (dashed)", colour(role))])
+    key(traces, [(recorded, colour("measured")), ("predicted (dashed)", colour(role))])
     known = np.isfinite(time) & np.isfinite(position)
     frames = np.linspace(start, stop, FRAME_COUNT)
     moved = np.interp(frames, time[known], position[known])
     ways = _turning(stick, moved - upright) if rotary else _sliding(stick, moved)
     ways["cursor"] = cursor(traces, frames)
-    caption += f" Below: {recorded_word(computed)} minus predicted" + (
+    caption += f" Below: {recorded} minus predicted" + (
         ", and the 95 % prediction interval (band)." if is_banded else "."
     )
     caption = f"{caption} {SHADED_GAPS_WORDS}" if has_gaps else caption

@@ -142,11 +142,12 @@ def answer_figure(fit: JointResult) -> Drawing:
     parts, use = (held, "held out") if held else (list(best.predictions), "fitted")
     own = Value(f"{fit.study}.headline.effort_error", best.fitted_effort_error, percent(best.fitted_effort_error))
     sine, cosine = (best[n].value if n in best.model.names else 0.0 for n in ("gravity", "gravity_cosine"))
+    source = f"{fit.recorded}, {fit.computed}" if fit.is_simulated and fit.computed else fit.computed or fit.recorded
     return draw(
         moving_joint, parts, "answer", rotary=fit.motion == "rotary", upright=-float(np.arctan2(cosine, sine)),
-        unit=fit.effort_unit, error=headline_error(fit) if held else own, use=use, computed=fit.computed,
+        unit=fit.effort_unit, error=headline_error(fit) if held else own, use=use, recorded=fit.recorded,
         caption=f"The joint as it was recorded ({use}; its length is not to scale), and its effort: "
-        f"{fit.computed or 'measured'}, and dashed as the model predicts it.",
+        f"{source}, and dashed as the model predicts it.",
     )  # fmt: skip
 
 

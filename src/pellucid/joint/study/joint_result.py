@@ -17,7 +17,7 @@ from ...study.cause_words import cause_sentence
 from ...study.pages.quantities import METHODS
 from ...study.procedures.posterior_beside import ComparedPosterior, pair_with_posterior, posterior_rows, posterior_table
 from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTable, Result
-from ...study.recorded_motions import drive_model
+from ...study.recorded_motions import drive_model, recorded_word
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
 from ..fit.friction_family import FamilyFit
@@ -62,6 +62,7 @@ class JointResult(Result):
     choice: HeadlineChoice  # the model behind the headline, and why
     joint: str = "joint"  # name of the joint
     computed: str = ""  # what the effort is computed from, in words; "" where it was recorded as such
+    is_simulated: bool = False
     # Effort error [%] and R² on stretches of the fitted recordings, each left out in turn; NaN if unknown
     crossed_error: tuple[float, float] = (float("nan"), float("nan"))
     filter_note: str  # processing in one line
@@ -71,6 +72,11 @@ class JointResult(Result):
     payloads: tuple[UnknownPayload, ...] = ()  # payloads of recordings with ``payload = {}``
     causes: tuple[Cause, ...] = ()  # causes of what the best family misses, the one that explains most first
     traces: tuple[Trace, ...] = field(default=(), repr=False)  # recordings for figures, fitted ones first
+
+    @property
+    def recorded(self) -> str:
+        """Word for the recorded effort."""
+        return recorded_word(self.computed, is_simulated=self.is_simulated)
 
     @property
     def estimates(self) -> Mapping[str, Parameter]:

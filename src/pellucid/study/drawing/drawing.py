@@ -358,11 +358,6 @@ def key(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
             beside.set_in_layout(False)
 
 
-def recorded_word(computed: str) -> str:
-    """Return the word for a recorded line; `computed` says what it was computed from, "" where it was measured."""
-    return "computed" if computed else "measured"
-
-
 def measured_and_predicted(
     axis: Axes, time: np.ndarray, measured: np.ndarray, predicted: np.ndarray, tone: str
 ) -> None:

@@ -106,6 +106,8 @@ def coupling_answer(found: CouplingResult) -> Answer:
     ]
     parts += [AnswerPart(who, "cannot say", why) for who, why in found.refused.items()]
     count = len(found.checksums)
+    swings = sum(each.split == "heldout" for stages in found.wearers.values() for each in stages.coupling.evaluated)
+    judged = f"{swings} held-out swing{'s' * (swings > 1)}, of {len(found.wearers)} wearer{'s' * (len(held) > 1)}"
     controller = [
         Step(f"Make a controller for {who}", "export", ("--participant", who)) for who in list(found.wearers)[:1]
     ]
@@ -115,7 +117,7 @@ def coupling_answer(found: CouplingResult) -> Answer:
         found.headline,
         parts,
         [AnswerNumber(f"explained held-out angle, {who}", fit, "%") for who, fit in held.items()],
-        Basis(count, count, judged="held-out swings" if np.isfinite(list(held.values())).any() else ""),
+        Basis(count, count, judged=judged if np.isfinite(list(held.values())).any() else ""),
         improve=(Step("Hold out some swings, and record faster ones: the strap yields more in them"),),
         next=controller,
         without_parts="nobody wore the orthosis",
@@ -132,7 +134,8 @@ def _headline(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> str
     straps = ", ".join(f"{who} {w.coupling.parameter('stiffness').value:.3g} N*m/rad" for who, w in wearers.items())
     evaluated = f", which explain {np.nanmean(held):.1f} % of held-out mismatch" if np.isfinite(held).any() else ""
     diverging = ", ".join(name for name, response in orthosis.checks.items() if response.diverges)
-    alone = f"cannot be simulated along {diverging}" if diverging else f"{orthosis.mean_fit():.1f} % held out"
+    fitted = f"model alone fits {orthosis.mean_fit():.1f} % of its held-out angle"
+    alone = f"cannot be simulated along {diverging}" if diverging else fitted
     return f"Straps of {straps}{evaluated}; orthosis {alone}."
 
 
