@@ -177,7 +177,9 @@ def test_the_command_tells_intervals_and_keeps_them(tmp_path, monkeypatch):
     assert told.exit_code == 0, told.output
     # The terminal asked "May these figures be used?" where the page answered what the command is for.
     assert " ".join(told.output.split()).startswith("these: Would a study of 6 people show that these")
-    assert "robot-person pairs, simulated; numbers are of studies of 6 people." in " ".join(told.output.split())
+    # It said "35 robot-person pairs", and not how many studies.
+    basis = "Based on 5 robots × 7 people, simulated; numbers are of 4,000 sampled studies, each of 6 people on one"
+    assert basis in " ".join(told.output.split())
     assert told.output.splitlines()[-1] == "Next: pellucid init my-session --session elbow"
     assert "80 % of studies of 6 people" in told.output
     assert (asked["people"], asked["robots"], len(asked["rigs"])) == (7, 5, 2)
@@ -218,6 +220,37 @@ def test_the_answer_is_what_the_study_itself_would_show():
             told.append(found.p_value is not None and found.p_value < 0.05 and found.pair("Ctrl", law) < 0.05)
         assert shown[law] == pytest.approx(np.mean(told))
         assert studies.laws[k] == law
+
+
+def test_the_next_step_is_a_whole_command_with_the_number_of_people_that_shows_it(tmp_path, monkeypatch):
+    """It said "Predict studies of more than 6 people (--participants)", and to record people after a no."""
+    made = fabricated(("FC", "CLPC"), people=12)
+    i, rng = INDICES.index("duration_median"), np.random.default_rng(5)
+    for one in made.worn:
+        # FC slows people by about their scatter, CLPC does not.
+        one.values[0, :, i] = made.control[0, :, i] + rng.normal(0.1, 0.1, 12)
+        one.values[1, :, i] = made.control[0, :, i] + rng.normal(0.0, 0.1, 12)
+    monkeypatch.setattr(import_module("pellucid_lab.predict"), "predict_effects", lambda rigs, **settings: made)
+    for name in ("these", "those"):
+        init(tmp_path / name, rig="elbow-participants")
+    these, those = tmp_path / "these", tmp_path / "those"
+    found = predict(these, those, robots=5, participants=4, controllers=["fc", "clpc"], seed=3)
+    need = found.needed["FC"]
+    assert found.answer.verdict == "no"
+    assert need > 4
+    shown = made.studies(2000, size=need, repeats_people=True).shown("duration_median")["FC"]
+    assert shown == pytest.approx(0.8, abs=0.1)
+    (step,) = found.answer.next
+    assert step.text.startswith(f"People with whom 8 of 10 studies would show it: FC about {need}, CLPC ")
+    most = max(n for n in found.needed.values() if n is not None)
+    assert step.command == (
+        f"pellucid predict {these} {those} --robots 5 --seed 3 --controller fc "
+        f"--controller clpc --people {max(12, most)} --participants {most}"
+    )
+    rows = {row.id: row.value for row in read_rows(these / PREDICTION_FILE)}
+    assert rows["these.predicted.duration_median.fc.people_needed"] == need
+    (step,) = replace(found, needed={"FC": None, "CLPC": None}).make_answer().next
+    assert "FC more than 96, CLPC more than 96. Record a pilot study, because" in step.text
 
 
 def test_screening_finds_what_an_effect_hangs_on(monkeypatch):

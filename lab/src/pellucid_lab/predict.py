@@ -6,10 +6,13 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from inspect import signature
 from pathlib import Path
+from typing import Any
 
 from pellucid._errors import PellucidError, StudyError
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS, stated_load
+from pellucid.people.study.assessment_tables import people_words
 from pellucid.study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step
 from pellucid.study.pages.quantities import number
 from pellucid.study.pages.values import Value
@@ -51,12 +54,22 @@ class Predicted(Result):
         Number of people in a simulated study.
     carried : CarriedWeight
         Load on the robot, load in the hand, and share of the limb that controllers carry.
+    needed : dict of str to int or None
+        People with whom enough studies would show the change of the leading index, by each law that does not show it
+        with `participants`; None if more than a forecast tries.
+    folder : str
+        First folder of the command.
+    options : tuple of str
+        Further folders, and options of the command other than numbers of people.
     """
 
     prediction: Prediction = field(repr=False)
     studies: DrawnStudies = field(repr=False)
     participants: int = 0
     carried: CarriedWeight = NOTHING_CARRIED
+    needed: Mapping[str, int | None] = field(default_factory=dict)
+    folder: str = ""
+    options: tuple[str, ...] = ()
 
     def make_answer(self) -> Answer:
         """Return whether a study would show that controllers change the leading index."""
@@ -143,6 +156,7 @@ def predict(
     carried = CarriedWeight(
         stated_load("predict", "load", load), stated_load("predict", "held", held), _read_share(support)
     )
+    asked = bool(controllers)
     if not controllers and carried != NOTHING_CARRIED:
         loaded = carried.load is not None or carried.held is not None
         controllers = CARRYING_CONTROLLERS if loaded else ("support",)
@@ -153,9 +167,26 @@ def predict(
         executor=executor, on_progress=on_progress,
     )  # fmt: skip
     studies = made.studies(size=participants)
-    found = _make_result(study_name(Path(folder)), made, studies, participants, carried=carried)
+    given = {"robots": robots, "movements": movements, "seed": seed, "load": load, "held": held, "support": support}
+    options = _options(others, given, controllers if asked else ())
+    found = _make_result(
+        study_name(Path(folder)), made, studies, participants, carried=carried, folder=os.fspath(folder),
+        options=options,
+    )  # fmt: skip
     write_rows(Path(folder) / PREDICTION_FILE, "predict", found.rows)
     return found
+
+
+def _options(
+    others: Sequence[str | os.PathLike], given: Mapping[str, Any], controllers: Sequence[str]
+) -> tuple[str, ...]:
+    """Return further folders, and the options of the command that differ from its defaults."""
+    defaults = signature(predict).parameters
+    made = [os.fspath(each) for each in others]
+    for name, value in given.items():
+        if value != defaults[name].default:
+            made += [f"--{name}", *map(str, value if isinstance(value, tuple) else (value,))]
+    return (*made, *(part for name in controllers for part in ("--controller", name)))
 
 
 def _require_counts(folders: int, *, people: int, robots: int, movements: int, participants: int, seed: int) -> None:
@@ -202,8 +233,9 @@ def _read_rig(folder: Path) -> PointingRig:
 
 
 def _make_result(
-    name: str, made: Prediction, studies: DrawnStudies, participants: int, *, carried: CarriedWeight
-) -> Predicted:
+    name: str, made: Prediction, studies: DrawnStudies, participants: int, *, carried: CarriedWeight, folder: str,
+    options: tuple[str, ...],
+) -> Predicted:  # fmt: skip
     """Return the table and the rows of a prediction."""
     rows, table = [], []
     drawn = f"{len(made.worn)} robots x {made.people} people of {' and '.join(made.models)}"
@@ -215,9 +247,17 @@ def _make_result(
             for what, value in (("", middle), (".low", low), (".high", high)):
                 row = f"{name}.predicted.{index.name}.{law.lower()}{what}"
                 rows.append(ResultRow(row, value, "%", "predict", "simulated", note=drawn))
-    for law, share in studies.shown(leading_predicted_index().name).items():
-        row = f"{name}.predicted.{leading_predicted_index().name}.{law.lower()}.shown"
+    leading = leading_predicted_index().name
+    shown = studies.shown(leading)
+    for law, share in shown.items():
+        row = f"{name}.predicted.{leading}.{law.lower()}.shown"
         rows.append(ResultRow(row, 100.0 * share, "%", "predict", "simulated", note=f"of studies; {drawn}"))
+    hidden = [law for law, share in shown.items() if not share >= STUDY_INTERVAL_SHARE]
+    needed = made.people_needed(leading, hidden, above=participants, share=STUDY_INTERVAL_SHARE)
+    for law, count in needed.items():
+        if count is not None:
+            row = f"{name}.predicted.{leading}.{law.lower()}.people_needed"
+            rows.append(ResultRow(row, count, "1", "predict", "simulated", note=drawn))
     rate = made.movements / made.cpu
     rows += [
         ResultRow(f"{name}.predicted.movements", made.movements, "1", "predict", "simulated", note="in robots"),
@@ -232,7 +272,8 @@ def _make_result(
     return Predicted(
         study=name, headline=headline, tables=(FigureTable(title, heads, tuple(table)),), verdicts=(),
         rows=tuple(rows), cards={}, checksums={}, confidence=STUDY_INTERVAL_SHARE, command="predict",
-        prediction=made, studies=studies, participants=participants, carried=carried,
+        prediction=made, studies=studies, participants=participants, carried=carried, needed=needed, folder=folder,
+        options=options,
     )  # fmt: skip
 
 
@@ -247,10 +288,9 @@ def _answer(found: Predicted) -> Answer:
         row = row_id(found, index, law)
         numbers.append(AnswerNumber(f"studies that show {words}", percent, "%", id=f"{row}.shown"))
         numbers.append(AnswerNumber(f"{index.words}, {words}", middle, "%", (low, high), row_id(found, index, law)))
-    pairs = len(found.prediction.worn) * found.prediction.people
+    robots, people = len(found.prediction.worn), found.prediction.people
+    studies = f"{len(found.studies.robot):,} sampled studies, each of {found.participants} people on one robot"
     is_shown = any(part.verdict == "yes" for part in parts)
-    more = f"Predict studies of more than {found.participants} people (`--participants`): more of them show a change"
-    larger = () if is_shown else (Step(more),)
     return Answer(
         f"Would a study of {found.participants} people show that these controllers change {index.words}, against no "
         "robot?",
@@ -259,9 +299,23 @@ def _answer(found: Predicted) -> Answer:
         "" if is_shown else f"each change is shown in fewer than {needed:.0f} % of simulated studies",
         tuple(parts),
         tuple(numbers),
-        Basis(pairs, pairs, "robot-person pair", f"studies of {found.participants} people", is_simulated=True),
-        next=(*larger, Step("Record people of your own", line="pellucid init my-session --session elbow")),
+        Basis(robots, robots, "robot", studies, is_simulated=True, wearers=people),
+        next=(_next_step(found, is_shown),),
     )
+
+
+def _next_step(found: Predicted, is_shown: bool) -> Step:
+    """Return to record people where a study would show a change, or with how many it would."""
+    record = "pellucid init my-session --session elbow"
+    if is_shown:
+        return Step("Record people of your own", line=record)
+    counts = ", ".join(f"{condition_words(law)} {people_words(count)}" for law, count in found.needed.items())
+    told = f"People with whom {10.0 * found.confidence:g} of 10 studies would show it: {counts}"
+    known = [count for count in found.needed.values() if count is not None]
+    if not known:
+        return Step(f"{told}. Record a pilot study, because people may vary less than the simulated ones", line=record)
+    people = ("--people", str(max(found.prediction.people, *known)), "--participants", str(max(known)))
+    return Step(f"{told}. Predict that study", "predict", (*found.options, *people), found.folder)
 
 
 def _headline(found: Predicted, index: PredictedIndex, shown: Mapping[str, float]) -> str:

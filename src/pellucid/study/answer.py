@@ -149,6 +149,8 @@ class Basis:
         What reading excludes of the rows, in words.
     people : int
         Number of people whom the recordings in use are of; 0 where they name none.
+    wearers : int
+        Number of people who each wear every one of the counted robots; 0 where they are not counted.
     computed : str
         What was computed from recorded signals, such as ``"torque computed from the drive's voltage"``; "" for nothing.
     """
@@ -166,6 +168,7 @@ class Basis:
     rows: int = 0
     excluded: tuple[str, ...] = ()
     people: int = 0
+    wearers: int = 0
     computed: str = ""
 
     @property
@@ -174,6 +177,7 @@ class Basis:
         text = f"{self.used} of {self.recorded}" if self.used != self.recorded else f"{self.recorded}"
         text += f" {_plural(self.counted, self.recorded)}{f' in {self.parts} parts' if self.parts else ''}"
         text += f" of {self.people} {'person' if self.people == 1 else 'people'}" if self.people else ""
+        text += f" × {self.wearers} people" if self.wearers else ""
         unstated = "measured or simulated (not stated)" if self.counted in RECORDED_UNITS else ""
         origins = {True: "simulated", False: "measured", None: unstated}
         origin = DIGITISED if self.is_digitised else origins[self.is_simulated]

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from scipy.stats import qmc
@@ -23,6 +23,7 @@ from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.transparent_laws import expecting_load
 from pellucid.models.anthropometry import Segment
 from pellucid.people.comparison import tells_from_control
+from pellucid.people.power import CANDIDATE_SIZES, find_fewest
 
 from ..elbow.rig import ElbowRig, with_fastened_load
 from ..processes import ordered_results
@@ -44,6 +45,9 @@ STUDY_INTERVAL_SHARE = 0.8
 
 DRAWN_STUDY_COUNT = 4000
 """Number of studies sampled from the pairs, without further simulation."""
+
+FORECAST_STUDY_COUNT = 2000
+"""Number of studies sampled for each number of people that a forecast tries."""
 
 FRICTION_SCALE_RANGE = (0.17, 1.0)
 """Smallest and largest factor on the friction of the rig's robot; that of a sampled robot is log-uniform between them.
@@ -225,24 +229,40 @@ class Prediction:
         """Return the prediction with the people of one model only."""
         return replace(self, worn=tuple(one for one in self.worn if one.model == model))
 
-    def studies(self, count: int = DRAWN_STUDY_COUNT, *, size: int = 6, seed: int = 0) -> DrawnStudies:
-        """Draw `count` studies of `size` different people each, on one robot each.
+    def studies(
+        self, count: int = DRAWN_STUDY_COUNT, *, size: int = 6, seed: int = 0, repeats_people: bool = False
+    ) -> DrawnStudies:
+        """Draw `count` studies of `size` people each, on one robot each.
+
+        The people of a study are different ones, unless it `repeats_people`: it may then have more than were simulated.
 
         Raises
         ------
         PellucidError
             If there are fewer people than a study needs.
         """
-        if size > self.people:
+        if size > self.people and not repeats_people:
             raise PellucidError(
                 f"prediction: found {self.people} people, expected at least the {size} that take part in a study"
             )
         rng = np.random.default_rng([seed, 0x57])
         robots = rng.integers(len(self.worn), size=count)
-        who = np.argsort(rng.random((count, self.people)), axis=1)[:, :size]
+        who = (
+            rng.integers(self.people, size=(count, size)) if repeats_people else
+            np.argsort(rng.random((count, self.people)), axis=1)[:, :size]
+        )  # fmt: skip
         free = np.take_along_axis(self.free[robots], who[:, :, None], axis=1)
         worn = np.take_along_axis(self.values[robots], who[:, None, :, None], axis=2)
         return DrawnStudies(self.laws, robots, free, worn)
+
+    def people_needed(self, index: str, laws: Sequence[str], *, above: int, share: float) -> dict[str, int | None]:
+        """Return by law the fewest people, `above` a number, with whom a `share` of studies shows its `index`.
+
+        People are sampled from the simulated ones with replacement. None if the last of `CANDIDATE_SIZES` is too few.
+        """
+        shown = cache(lambda n: self.studies(FORECAST_STUDY_COUNT, size=n, repeats_people=True).shown(index))
+        sizes = [n for n in CANDIDATE_SIZES if n > above]
+        return {law: find_fewest(sizes, lambda n, law=law: shown(n)[law] >= share, above) for law in laws}
 
 
 def draw_robots(
