@@ -242,10 +242,10 @@ def test_the_next_step_is_a_whole_command_with_the_number_of_people_that_shows_i
     assert shown == pytest.approx(0.8, abs=0.1)
     (step,) = found.answer.next
     assert step.text.startswith(f"People with whom 8 of 10 studies would show it: FC about {need}, CLPC ")
-    most = max(n for n in found.needed.values() if n is not None)
+    least = min(n for n in found.needed.values() if n is not None)
     assert step.command == (
         f"pellucid predict {these} {those} --robots 5 --seed 3 --controller fc "
-        f"--controller clpc --people {max(12, most)} --participants {most}"
+        f"--controller clpc --people {max(12, least)} --participants {least}"
     )
     rows = {row.id: row.value for row in read_rows(these / PREDICTION_FILE)}
     assert rows["these.predicted.duration_median.fc.people_needed"] == need

@@ -314,8 +314,8 @@ def _next_step(found: Predicted, is_shown: bool) -> Step:
     known = [count for count in found.needed.values() if count is not None]
     if not known:
         return Step(f"{told}. Record a pilot study, because people may vary less than the simulated ones", line=record)
-    people = ("--people", str(max(found.prediction.people, *known)), "--participants", str(max(known)))
-    return Step(f"{told}. Predict that study", "predict", (*found.options, *people), found.folder)
+    people = ("--people", str(max(found.prediction.people, min(known))), "--participants", str(min(known)))
+    return Step(f"{told}. Predict the smallest such study", "predict", (*found.options, *people), found.folder)
 
 
 def _headline(found: Predicted, index: PredictedIndex, shown: Mapping[str, float]) -> str:
