@@ -38,7 +38,7 @@ ESTIMATED_WORKER_COUNT = 100
 
 
 def predicted(workers: int) -> tuple[Prediction, float, float]:
-    """The prediction on so many workers, its time once they were there, and processor time beside them [s]."""
+    """The prediction on so many workers, its time once they were there, and processor time of the host [s]."""
     from distributed import LocalCluster
 
     local = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50)

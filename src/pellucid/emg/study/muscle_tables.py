@@ -35,7 +35,7 @@ class EnvelopeTable(MuscleTable):
     ----------
     chain : str
         Filter chain from raw EMG to envelopes: ``"hill"``, ``"knee"``, or ``"none"`` for recorded envelopes.
-        Channels of unit 1 beside raw ones are envelopes: the chain smooths them only.
+        Channels of unit 1 next to raw ones are envelopes: the chain smooths them only.
     mains : float, "auto" or None
         Frequency of a notch [Hz]; ``"auto"``: 50 or 60 Hz where the fitted recordings have such hum. By default
         as published, 50 Hz in the chain ``"hill"`` and none in the others.
