@@ -1,6 +1,7 @@
 """`pellucid audit`: one verdict for each channel of a log of which no study tells anything."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from time import process_time
 
@@ -12,9 +13,10 @@ from typer.testing import CliRunner
 import pellucid as pl
 from pellucid.cli import app
 from pellucid.emg.study.emg_files import audit_emg
-from pellucid.files.log import VERDICT_WORDS
+from pellucid.files.log import VERDICT_WORDS, LogFinding
 from pellucid.files.quantity import joint_words, quantity_of
 from pellucid.start.try_log import try_log
+from pellucid.study.procedures.audit import find_verdicts
 from pellucid.study.procedures.audit_page import audited_channels, first_channels, write_audit_page
 
 RATE = 500.0
@@ -389,9 +391,81 @@ def test_an_audit_names_alike_channels_in_one_step_and_asks_for_a_rate(tmp_path)
     steps = pl.audit(path).answer.following
     assert steps == (
         "Give the rate of files without a column of time by `--rate HZ`.",
-        "Record again, or exclude from the study: angle [rad], torque_meas [N*m] (dead).",
-        f"Then audit the files again: `pellucid audit {path}`.",
+        "Record or compute again what should change: angle [rad], torque_meas [N*m] (dead).",
+        f"Then audit changed files again: `pellucid audit {path}`.",
     )
+
+
+def test_dead_channels_beside_sound_ones_lead_to_a_study_of_the_others(tmp_path):
+    """It advised to exclude them from a study that did not exist, and to audit again, which said no again."""
+    log = clean_log()
+    log["velocity [rad/s]"] = 0.0 * log["velocity [rad/s]"]
+    paths = [written(tmp_path, log, f"{i}.csv") for i in range(2)]
+    found = pl.audit(paths)
+    assert found.headline == "1 of 6 channels is unsound: velocity [rad/s] (dead: in all files)."
+    assert found.answer.following == (
+        "Record or compute again what should change: velocity [rad/s] (dead).",
+        "Or use the other 5 channels: `init` leaves out channels that never change: "
+        f"`pellucid init my-study --from {paths[0]} {paths[1]}`.",
+    )
+
+
+def test_unsound_channels_are_grouped_by_fault_and_file(tmp_path):
+    """A fault of one file read as one of all files, and exchanged channels had no partner."""
+    rng, paths = np.random.default_rng(7), []
+    t = np.arange(COUNT) / RATE
+    for i in range(3):
+        # Three electrodes, each with the same place in every file
+        source = [np.abs(np.sin((1.3 + k) * t)) * rng.standard_normal(COUNT) * 1e-4 for k in range(2)]
+        columns = {"time [s]": t, "EMG a [V]": source[0], "EMG b [V]": source[1]}
+        columns["EMG c [V]"] = 1e-5 + np.abs(rng.standard_normal(COUNT)) * 1e-4
+        if i == 1:
+            columns["EMG b [V]"] = columns["EMG b [V]"] + 3e-4 * np.sin(2.0 * np.pi * 50.0 * t)
+        paths.append(written(tmp_path, columns, f"{i}.csv"))
+    found = audit_emg(paths)
+    assert found.headline == (
+        "2 of 3 channels are unsound: EMG b [V] (mains hum: in 1.csv); "
+        "EMG c [V] (envelope, not raw EMG: in all files)."
+    )
+    assert "Record again, or exclude from the study: EMG b [V] in 1.csv (mains hum)" in [
+        step.text for step in found.answer.next
+    ]
+    swapped = [
+        replace(
+            file,
+            findings=tuple(
+                LogFinding("exchanged", f"EMG {one} [V]", "", partner=f"EMG {other} [V]")
+                for one, other in ("ab", "ba")
+                if file.name == "2.csv"
+            ),
+        )
+        for file in found.files
+    ]
+    found = replace(found, files=tuple(swapped), verdicts=tuple(find_verdicts(swapped)))
+    assert found.headline.endswith("EMG a [V], EMG b [V] (exchanged with each other: in 2.csv).")
+    assert found.answer.next[0].text == "Exchange the names EMG a [V], EMG b [V] in 2.csv"
+
+
+def test_the_quality_of_a_study_is_based_on_what_it_states(tmp_path):
+    """It said "not stated" of a study that states it, and no again of envelopes that the study states."""
+    columns = {name: x for name, x in clean_log().items() if "time" in name or "EMG" in name}
+    columns["EMG c [V]"] = 1e-5 + np.abs(columns["EMG biceps [V]"])
+    written(tmp_path, columns)
+    text = (
+        'name = "s"\nsimulated = false\n[rig]\njoint = "elbow"\nmotion = "rotary"\nlifts = "flexion"\n'
+        '[participants.P1]\n[channels]\ntime = { column = "time", unit = "s" }\n'
+        'emg.biceps = { column = "EMG biceps", unit = "V" }\nemg.c = { column = "EMG c", unit = "V" }\n[onset]\n'
+        '[[recordings]]\nname = "r"\nfile = "log.csv"\nparticipant = "P1"\n'
+    )
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    found = audit_emg([tmp_path])
+    assert not found.is_sound
+    assert found.answer.basis.sentence == f"Based on 1 file of 1 person, {COUNT:,} rows, measured."
+    stated = text.replace('"EMG c", unit = "V"', '"EMG c", unit = "1"')
+    (tmp_path / "study.toml").write_text(stated, encoding="utf-8")
+    found = audit_emg([tmp_path])
+    assert found.is_sound, str(found)
+    assert found.answer.next_command == f"pellucid check {tmp_path}"
 
 
 def test_an_audit_tells_its_progress_file_by_file(tmp_path):

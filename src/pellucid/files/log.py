@@ -187,6 +187,8 @@ class LogFinding:
         Number of rows that reading excludes because of it.
     gaps : tuple of float
         Lengths of the gaps that reading cuts out [s]; NaN where the unit of time is not known.
+    partner : str
+        Channel whose signal this one has, and the other way round; "" of all other findings.
     """
 
     kind: str
@@ -198,6 +200,7 @@ class LogFinding:
     size: float = float("nan")
     excluded: int = 0
     gaps: tuple[float, ...] = ()
+    partner: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -86,7 +86,10 @@ def exchanged_log_findings(logs: Sequence[Log]) -> list[list[LogFinding]]:
         for each in exchanged_recordings([own.samples for _, own in group], group[0][1].rate):
             (i, own), (j, _) = group[each.place], group[each.reference]
             by_channel = exchanged_findings(each.pairs, own.names, len(own.samples) / own.rate, logs[j].file)
-            found[i] += [_finding(one, own.rate) for one in by_channel.values()]
+            partners = {own.names[a]: own.names[b] for pair in each.pairs for a, b in (pair, pair[::-1])}
+            found[i] += [
+                replace(_finding(one, own.rate), partner=partners[name]) for name, one in by_channel.items()
+            ]
     return found
 
 

@@ -6,14 +6,14 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ..._domains import offered
 from ..._errors import PellucidError, RecordingError, listed_names
 from ..._given import visible_text
 from ..._printed_command import printed_command
-from ...files.defects import echoed, garbage, held
+from ...files.defects import constant, echoed, garbage, held
 from ...files.log import (
     ALARM_LEVEL,
     LEVELS,
@@ -56,12 +56,16 @@ CORRECTIONS = {
     VERDICT_WORDS["personal"]: "Remove what identifies a person from the files: {channels}",
     VERDICT_WORDS["unit"]: "Correct the unit of {channels}",
     VERDICT_WORDS["envelope"]: ENVELOPE_CORRECTION,
-    VERDICT_WORDS["exchanged"]: "Correct the names of {channels}",
+    VERDICT_WORDS["exchanged"]: "Exchange the names {channels}",
+    VERDICT_WORDS[constant.KIND]: "Record or compute again what should change: {channels} (dead)",
     VERDICT_WORDS["impossible"]: "Correct the unit of {channels}, or record again without the impossible values",
     VERDICT_WORDS[held.KIND]: "Log {channels} with a clock of its own, or exclude it from the study (another clock)",
     VERDICT_WORDS[echoed.KIND]: "Record the measured values, or exclude from the study: {channels} (echoed)",
 }
 """What to do with the channels of a verdict, where it is something else than `RECORD_AGAIN`."""
+
+IN_ALL_FILES = "in all files"
+"""Words for all files that have a channel."""
 
 RECORD_AGAIN = "Record again, or exclude from the study: {channels} ({verdict})"
 """What to do with unsound channels."""
@@ -125,6 +129,8 @@ class ChannelVerdict:
         Level and sentence of each thing that was found, with its files, the gravest first.
     findings : tuple of (str, LogFinding)
         Every finding with the name of its file.
+    files : tuple of AuditedFile
+        The files that have the channel.
     """
 
     channel: str
@@ -133,11 +139,43 @@ class ChannelVerdict:
     level: str
     said: tuple[tuple[str, str], ...]
     findings: tuple[tuple[str, LogFinding], ...]
+    files: tuple[AuditedFile, ...] = field(default=(), repr=False)
+
+    @property
+    def alarms_by_file(self) -> dict[str, LogFinding]:
+        """The gravest alarm of each file, by the file's name."""
+        found: dict[str, LogFinding] = {}
+        for name, finding in self.findings:
+            known = found.get(name)
+            if finding.level == ALARM_LEVEL and (known is None or _order(finding) < _order(known)):
+                found[name] = finding
+        return found
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What was found and in which files, the gravest first."""
         return tuple(sentence for _, sentence in self.said)
+
+
+@dataclass(frozen=True)
+class _AlarmGroup:
+    """Channels with one verdict in the same files."""
+
+    verdict: str
+    where: str
+    channels: tuple[str, ...]
+    is_pair: bool  # Whether they have each other's signal
+
+    @property
+    def words(self) -> str:
+        """The channels with their verdict and its files."""
+        what = f"{self.verdict} with each other" if self.is_pair else self.verdict
+        return f"{', '.join(self.channels)} ({what}: {self.where})"
+
+    @property
+    def placed(self) -> str:
+        """The channels with the files, if these are not all."""
+        return ", ".join(self.channels) + ("" if self.where == IN_ALL_FILES else f" {self.where}")
 
 
 @dataclass(frozen=True)
@@ -158,6 +196,12 @@ class Audit:
         Command that audits them.
     question : str
         Question that the audit answers.
+    is_of_studies : bool
+        Whether `paths` are folders of studies.
+    stated_simulated : bool, optional
+        Whether the recordings are simulated, as their studies state; None where they state nothing.
+    people : int
+        Number of people whom the recordings are of; 0 where none are named.
     """
 
     files: tuple[AuditedFile, ...]
@@ -166,6 +210,9 @@ class Audit:
     options: tuple[str, ...] = ()
     command: str = "audit"
     question: str = "May this log be used?"
+    is_of_studies: bool = False
+    stated_simulated: bool | None = None
+    people: int = 0
 
     @property
     def alarms(self) -> tuple[ChannelVerdict, ...]:
@@ -203,8 +250,10 @@ class Audit:
         text += "."
         if self.alarms:
             are = "channel is" if count == 1 else "channels is" if len(self.alarms) == 1 else "channels are"
-            names = ", ".join(f"{v.channel} ({v.verdict})" for v in self.alarms)
-            text = f"{len(self.alarms)} of {count} {are} unsound in {files}: {names}."
+            names, inside = ", ".join(f"{v.channel} ({v.verdict})" for v in self.alarms), f" in {files}"
+            if len(self.files) > 1:
+                names, inside = "; ".join(each.words for each in self._alarm_groups(is_gravest=True)), ""
+            text = f"{len(self.alarms)} of {count} {are} unsound{inside}: {names}."
         repaired = ", ".join(f"{v.channel} ({v.verdict})" for v in self.verdicts if v.level == REPAIRED_LEVEL)
         if repaired:
             excluded = ", ".join(self._excluded)
@@ -228,11 +277,29 @@ class Audit:
             parts,
             basis=Basis(
                 len(self.files) - len(self.unread), len(self.files), "file", is_simulated=self._is_simulated,
-                rows=sum(file.rows for file in self.files), excluded=self._excluded,
+                people=self.people, rows=sum(file.rows for file in self.files), excluded=self._excluded,
             ),
             next=self._steps(),
             qualifier=AFTER_REPAIR if self.is_sound and self._is_repaired else "",
         )  # fmt: skip
+
+    def _alarm_groups(self, *, is_gravest: bool = False) -> list[_AlarmGroup]:
+        """Return the alarms in groups with one verdict in the same files.
+
+        With `is_gravest`, those of each channel's verdict alone.
+        """
+        made: dict[tuple[object, ...], list[str]] = {}
+        for verdict in self.alarms:
+            having: dict[tuple[str, str], list[str]] = {}
+            for name, finding in verdict.alarms_by_file.items():
+                word = VERDICT_WORDS[finding.kind]
+                if word == verdict.verdict or not is_gravest:
+                    having.setdefault((word, visible_text(finding.partner)), []).append(name)
+            for (word, partner), names in having.items():
+                where = IN_ALL_FILES if len(names) == len(verdict.files) else _where(names, verdict.files)
+                pair = frozenset((verdict.channel, partner) if partner else ())
+                made.setdefault((word, where, pair), []).append(verdict.channel)
+        return [_AlarmGroup(word, where, tuple(channels), bool(pair)) for (word, where, pair), channels in made.items()]
 
     @property
     def _excluded(self) -> tuple[str, ...]:
@@ -249,27 +316,39 @@ class Audit:
 
     @property
     def _is_simulated(self) -> bool | None:
-        """Whether every file says that it is simulated; None where one does not say."""
+        """Whether the studies or every file say that they are simulated; None where one does not say."""
+        if self.stated_simulated is not None:
+            return self.stated_simulated
         return all(file.log is not None and file.log.is_simulated for file in self.files) or None
 
     def _steps(self) -> tuple[Step, ...]:
         """Return what to do next: make a study, or correct what is unsound."""
         kinds = {channel.quantity.kind for file in self.files if file.log is not None for channel in file.log.channels}
-        if self.is_sound and "" not in kinds and not kinds.intersection((*EFFORT_QUANTITIES, "emg")):
+        if self.is_sound and self.is_of_studies:
+            return tuple(Step("Check the study", line=printed_command("check", path)) for path in self.paths)
+        is_motion_alone = "" not in kinds and not kinds.intersection((*EFFORT_QUANTITIES, "emg"))
+        if self.is_sound and is_motion_alone:
             return (Step("Record an effort or EMG too: no study is made of motion alone"),)
+        start = printed_command("init", "my-study", "--from", *self.paths)
         if self.is_sound:
-            return (Step("Make a study of it", line=printed_command("init", "my-study", "--from", *self.paths)),)
+            return (Step("Make a study of it", line=start),)
         alike: dict[str, list[str]] = {}
-        for verdict in self.alarms:
-            alike.setdefault(verdict.verdict, []).append(verdict.channel)
+        for group in self._alarm_groups():
+            alike.setdefault(group.verdict, []).append(group.placed)
         steps = [
-            Step(CORRECTIONS.get(kind, RECORD_AGAIN).format(channels=", ".join(names), verdict=kind))
+            Step(CORRECTIONS.get(kind, RECORD_AGAIN).format(channels="; ".join(names), verdict=kind))
             for kind, names in alike.items()
         ]
         unread = ", ".join(file.name for file in self.unread)
         steps += [Step(f"Correct or remove the files that cannot be read: {unread}")] if unread else []
+        others = len(self.verdicts) - len(self.alarms)
+        dead = VERDICT_WORDS[constant.KIND]
+        is_left_out = all(v.verdict == dead and not v.holds.startswith("emg") for v in self.alarms)
+        if is_left_out and others and not unread and not is_motion_alone and not self.is_of_studies:
+            use = f"Or use the other {others} channels: `init` leaves out channels that never change"
+            return (*steps, Step(use, line=start))
         again = printed_command(self.command, *self.paths, *self.options)
-        return (*steps, Step("Then audit the files again", line=again))
+        return (*steps, Step("Then audit changed files again", line=again))
 
     def table(self) -> dict[str, object]:
         """Return everything as a table for JSON."""
@@ -357,7 +436,7 @@ def audit(
         raise RecordingError("\n".join(file.unread for file in audited))
     audited = _with_findings_of_all(audited)
     options = () if rate is None else ("--rate", f"{rate:g}")
-    return Audit(tuple(audited), tuple(_verdicts(audited)), tuple(map(os.fspath, given)), options)
+    return Audit(tuple(audited), tuple(find_verdicts(audited)), tuple(map(os.fspath, given)), options)
 
 
 def _with_findings_of_all(files: Sequence[AuditedFile]) -> list[AuditedFile]:
@@ -402,7 +481,7 @@ def _short_names(paths: Sequence[Path]) -> list[str]:
     return [visible_text(path.relative_to(common).as_posix()) for path in whole]
 
 
-def _verdicts(files: Sequence[AuditedFile]) -> list[ChannelVerdict]:
+def find_verdicts(files: Sequence[AuditedFile]) -> list[ChannelVerdict]:
     """Return the verdict on each channel of the files, the clock's first."""
     holders: dict[str, list[AuditedFile]] = {}
     holds: dict[str, str] = {}
@@ -440,7 +519,12 @@ def _verdict_on(
         said.append((_level(found, kind), text))
     verdict, level = (VERDICT_WORDS[kinds[0]], said[0][0]) if kinds else (SOUND_VERDICT, SOUND_LEVEL)
     shown = tuple((file.name, finding) for file, finding in found)
-    return ChannelVerdict(visible_text(channel), holds, verdict, level, tuple(said), shown)
+    return ChannelVerdict(visible_text(channel), holds, verdict, level, tuple(said), shown, tuple(files))
+
+
+def _order(finding: LogFinding) -> int:
+    """Return the place of a finding's kind among all, the gravest first."""
+    return _VERDICT_ORDER[finding.kind]
 
 
 def _level(found: Sequence[tuple[AuditedFile, LogFinding]], kind: str) -> str:
