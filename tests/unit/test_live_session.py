@@ -120,12 +120,12 @@ def test_every_kind_of_task_runs_and_is_recorded_with_the_estimate_of_the_torque
     assert session.levels.levels.keys() == {"rectus_femoris", "vastus_lateralis", "vastus_medialis", "biceps_femoris",
                                             "semitendinosus", "gastrocnemius_medial", "gastrocnemius_lateral",
                                             "tibialis_anterior"}  # fmt: skip
-    assert session.estimator.error < 0.8 * session.estimator.error_of_mean
+    assert session.estimator.error < 0.5 * session.estimator.error_of_mean
     found = np.array(engine.estimates)
-    assert len(found) > 100
-    assert np.isfinite(found).all()
-    assert np.all(found[:, 2] > 0.0)
-    assert session.operator_state()["estimate"]["torque"] == found[-1, 1]
+    known = np.isfinite(found[:, 1])
+    assert known.sum() > 100
+    assert np.all(found[known, 2] > 0.0)
+    assert np.isnan(found[~known, 2]).all()
 
 
 def started(tmp_path, **options):

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from pellucid.live.session.running_indices import SHOWN_INDEX_NAMES, RunningIndices
-from pellucid.live.session.running_task import TorqueEstimator
 from pellucid.people.indices import INDICES
 from pellucid.people.movement_indices import IndexTable
 from pellucid.people.study.primary_change import change_of_table
@@ -50,19 +49,6 @@ def test_an_interaction_is_no_percentage_of_a_sensor_s_noise():
     assert change_of_table(
         IndexTable("vmax", "rad", ("P1",), ("Ctrl", "FC"), np.array([[1.0, 1.1]])), "FC", "Ctrl", "mean"
     ).unit == "%"  # fmt: skip
-
-
-@pytest.mark.parametrize("is_related", [True, False])
-def test_an_estimate_that_loses_to_a_mean_is_not_given(is_related):
-    rng, estimator = np.random.default_rng(2), TorqueEstimator()
-    for _ in range(3):
-        levels = {"a": rng.uniform(0.0, 1.0, 200), "b": rng.uniform(0.0, 1.0, 200)}
-        features = estimator.features(levels, rng.normal(0.0, 0.01, 200), rng.normal(0.0, 0.01, 200))
-        # Without a relation, each trial has a torque of its own, which a regression takes for its features' work.
-        torque = 10.0 * (levels["a"] - levels["b"]) if is_related else rng.normal(0.0, 5.0) + rng.normal(0.0, 2.0, 200)
-        estimator.add_trial(features, torque)
-    assert (estimator.error < estimator.error_of_mean) is is_related
-    assert (estimator.estimate({"a": 0.5, "b": 0.1}, 0.0, 0.0) is not None) is is_related
 
 
 @pytest.mark.parametrize(

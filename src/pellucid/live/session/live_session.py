@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
@@ -22,6 +22,7 @@ import numpy as np
 from ..._errors import PellucidError
 from ...controllers.session_state import ENDED, SILENT, UNPOWERED, SessionState
 from ...controllers.supervisor_faults import NO_FAULT
+from ...files.recording import MAXIMAL_PROTOCOL
 from ...people.study.assessment_table import AssessmentTable
 from ...people.study.registered import registered_analysis
 from ...study.study import STUDY_FILE, Study
@@ -36,18 +37,8 @@ from .recorded_trial import (
     trial_file,
 )
 from .running_indices import RunningIndices, RunningVerdict
-from .running_task import (
-    RATE_HZ,
-    Ask,
-    RunningHolding,
-    RunningTask,
-    Sensed,
-    TorqueEstimate,
-    TorqueEstimator,
-    finite_number,
-    first_angle,
-    running_task,
-)
+from .running_task import Ask, RunningHolding, RunningTask, Sensed, finite_number, first_angle, running_task
+from .torque_estimate import TorqueEstimate, TorqueEstimator, TorqueSamples, fit_estimate
 from .trial_plan import EmgLevels, EmgSource, PlannedTrial
 
 if TYPE_CHECKING:
@@ -154,9 +145,7 @@ class Attempt:
     stopped: bool = False  # whether a person stopped it
     ended: float = math.inf  # time of the end of its recording [s]
     judged: Judged | None = None
-    features: list[np.ndarray] = field(default_factory=list)  # features of the torque estimate
-    torques: list[np.ndarray] = field(default_factory=list)
-    kept_at: float = -math.inf  # time of the last sample that was kept for it [s]
+    rows: list[np.ndarray] = field(default_factory=list)  # samples for the torque estimate
 
 
 class LiveSession:
@@ -211,6 +200,7 @@ class LiveSession:
         self.indices: list[dict[str, Any]] = []
         self.slider = 0.0
         self.estimator = TorqueEstimator()
+        self._torque_samples = TorqueSamples()
         self.emg = EmgSource(engine, clock)
         self.levels: EmgLevels | None = None
         self.pages = {"operator": 0, "participant": 0}
@@ -237,7 +227,9 @@ class LiveSession:
         self._told_fault = NO_FAULT
         self._alive: dict[str, bool] = {}
         self._estimate: TorqueEstimate | None = None
-        self._estimated_at = self._streams_seen_at = -math.inf
+        self._fit: Future | None = None
+        self._fit_is_due = False  # whether a trial was accepted since the last fit began
+        self._streams_seen_at = -math.inf
         self.missing_streams: tuple[str, ...] = self.table.streams
         self._stream_counts: dict[str, tuple[int, int, int]] = {}  # jumps, batches and lost samples by stream
         self._background: Future | None = None
@@ -266,6 +258,7 @@ class LiveSession:
         if self._background is not None and self._background.done():
             self._take_indices(self._background)
             self._background = None
+        self._keep_fitted()
 
     def act(self, role: str, action: str, value: float | None = None) -> str:
         """Do what a page asks for; return why not, or an empty text."""
@@ -373,8 +366,10 @@ class LiveSession:
         if judged is None or judged.recording is None:
             return "the recording cannot be read; repeat the trial"
         self.study = add_to_study(self.study, self.attempt.trial, self.attempt.file)
-        for features, torque in zip(self.attempt.features, self.attempt.torques, strict=True):
-            self.estimator.add_trial(features, torque)
+        # In a maximal contraction the person pushes against a stop, and not against the robot.
+        if self.attempt.rows and self.attempt.trial.task.protocol != MAXIMAL_PROTOCOL:
+            rows = np.concatenate(self.attempt.rows)
+            self._fit_is_due |= self.estimator.add_trial(self._torque_samples.muscles, rows)
         if self._running is not None and self._spec is not None and self.attempt.trial.task.kind == "pointing":
             running, recording = self._running, judged.recording
             self._background = self.executor.submit(self._measure_one, running, recording)
@@ -534,7 +529,6 @@ class LiveSession:
         if not self._job.done():
             return
         self.attempt.judged = self._job.result()
-        self._gather_for_estimate(self.attempt)
         reason = self.reason[:MAX_MARKED_CHARACTERS]
         told = {"trial": self.attempt.trial.name, "seconds": self.attempt.judged.seconds, "reason": reason}
         self.engine.mark("judged", told)
@@ -726,45 +720,39 @@ class LiveSession:
         if len(samples.time):
             self._last = {name: float(values[-1]) for name, values in samples.channels.items()}
             self._last_time = float(samples.time[-1])
-        self._emg_cursor, _, emg = self.emg.read_since(self._emg_cursor)
+        self._emg_cursor, emg_time, emg = self.emg.read_since(self._emg_cursor)
         if self.levels is None and self.emg.rate > 0.0:
             self.levels = EmgLevels(self.emg.rate)
-        emg_levels: dict[str, np.ndarray] = {}
-        if self.levels is not None:
-            self.levels.take(emg)
-            emg_levels = {m: np.array([level]) for m, level in self.levels.levels.items()}
-        if self.phase == Phase.running and self.attempt is not None and len(samples.time) and emg_levels:
-            self._keep_for_estimate(self.attempt, emg_levels)
-        if now - self._estimated_at >= 1.0 / RATE_HZ and self.levels is not None:
-            self._estimated_at = now
-            self._tell_estimate(self.levels.levels)
+        envelopes = {} if self.levels is None else self.levels.take(emg)
+        if self.levels is not None and not self.levels.largest:
+            envelopes = {}  # the filters have not settled
+        lacking = np.full(len(samples.time), math.nan)
+        channels = [samples.channels.get(name, lacking) for name in (self.table.pointer, "interaction")]
+        rows = self._torque_samples.take(np.column_stack([samples.time, *channels]), emg_time, envelopes)
+        if len(rows):
+            if self.phase == Phase.running and self.attempt is not None:
+                self.attempt.rows = [r for r in self.attempt.rows if r.shape[1] == rows.shape[1]] + [rows]
+            self._tell_estimate(rows)
 
-    def _keep_for_estimate(self, attempt: Attempt, levels: Mapping[str, np.ndarray]) -> None:
-        """Keep the last sample for the torque estimate, some `RATE_HZ` times a second."""
-        now, interaction = self._last_time, self._last.get("interaction", math.nan)
-        if now - attempt.kept_at < 1.0 / RATE_HZ:
-            return
-        attempt.kept_at = now
-        position, velocity = (np.array([self._last.get(n, math.nan)]) for n in (self.table.pointer, "velocity"))
-        attempt.features.append(self.estimator.features(levels, position, velocity))
-        attempt.torques.append(np.array([interaction]))
-
-    @staticmethod
-    def _gather_for_estimate(attempt: Attempt) -> None:
-        """Make one trial of the samples that were kept."""
-        if attempt.features and len({each.shape[1] for each in attempt.features}) == 1:
-            attempt.features, attempt.torques = [np.concatenate(attempt.features)], [np.concatenate(attempt.torques)]
-        else:
-            attempt.features, attempt.torques = [], []
-
-    def _tell_estimate(self, levels: Mapping[str, float]) -> None:
+    def _tell_estimate(self, rows: np.ndarray) -> None:
         """Estimate the torque on the person now, and let the engine record it."""
-        position, velocity = (self._last.get(n, math.nan) for n in (self.table.pointer, "velocity"))
-        before, self._estimate = self._estimate, self.estimator.estimate(levels, position, velocity)
+        before, self._estimate = self._estimate, self.estimator.estimate(self._torque_samples.muscles, rows)
         if self._estimate is not None:
             self.engine.set_estimate(self._estimate.torque, self._estimate.half_width)
         elif before is not None:
             self.engine.set_estimate(math.nan, math.nan)
+
+    def _keep_fitted(self) -> None:
+        """Take the estimator that was fitted, and fit it again in the executor if a trial was accepted since."""
+        if self._fit is not None and self._fit.done():
+            try:
+                self.estimator.use(self._fit.result())
+            except PellucidError as error:
+                self._tell(f"torque from EMG: {error}")
+            self._fit = None
+        if self._fit is None and self._fit_is_due:
+            self._fit_is_due = False
+            self._fit = self.executor.submit(fit_estimate, *self.estimator.session_trials())
 
     def _watch_streams(self, now: float) -> None:
         """Tell which streams of ``[session]`` are missing, and each jump of a clock, first batch and lost sample."""
@@ -877,6 +865,9 @@ class LiveSession:
                 "torque": estimate.torque, "half_width": estimate.half_width, "error": self.estimator.error,
                 "error_of_mean": self.estimator.error_of_mean,
             },
+            "changed_channels": self.estimator.changed,
+            "estimate_fault": self.estimator.fault,
+            "is_estimate_useful": self.estimator.is_useful,
             "estimate_errors": [finite_number(self.estimator.error), finite_number(self.estimator.error_of_mean)],
             "levels": {} if self.levels is None else self.levels.levels,
             "faults": [asdict(fault) for fault in self.faults[-SHOWN_FAULTS:]],

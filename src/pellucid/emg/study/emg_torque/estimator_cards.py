@@ -6,7 +6,7 @@ The card of a torque map that a robot can run: an offset, and a coefficient for 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from math import nan
 from typing import Any
@@ -200,6 +200,23 @@ def muscle_estimator(
 
 def map_estimator(study: Study, name: str, found: TorqueMap, trials: Sequence[TorqueTrial]) -> EmgEstimatorCard:
     """Return the card of a map by ridge regression. `study` [emg_torque]."""
+    joint, needed = _map_joint(name, found, trials)
+    return _make_card(study, name, trials, (), (joint,), set(trials[0].envelopes), needed, [])
+
+
+def envelope_map_card(
+    study: str, name: str, found: TorqueMap, trials: Sequence[TorqueTrial], largest: Mapping[str, float]
+) -> EmgEstimatorCard:
+    """Return the card of a map by ridge regression that is stepped with envelopes.
+
+    The trials hold shares of the `largest` envelope of each channel.
+    """
+    joint, needed = _map_joint(name, found, trials)
+    return _envelope_card(study, name, trials, (), (joint,), set(trials[0].envelopes), needed, largest)
+
+
+def _map_joint(name: str, found: TorqueMap, trials: Sequence[TorqueTrial]) -> tuple[EstimatorJoint, set[str]]:
+    """Return the joint of a map by ridge regression with its terms, and the joints whose angles it needs."""
     chosen, joint = found.choice.features, trials[0].joint
     if chosen.lags:
         raise PellucidError(f"card {name}: found earlier envelopes, expected a map of present ones")
@@ -212,8 +229,7 @@ def map_estimator(study: Study, name: str, found: TorqueMap, trials: Sequence[To
     for term, weight in found.regressor.unscaled_coefficients(names).items():
         first, _, second = ("", "", "") if term == "offset" else term.partition(PRODUCT_SEPARATOR)
         terms.append(EstimatorTerm(weight, first, second))
-    one = EstimatorJoint(joint, 0.0, 0.0, 0.0, _torque_limit(trials), tuple(terms))
-    return _make_card(study, name, trials, (), (one,), set(trials[0].envelopes), set(joints), [])
+    return EstimatorJoint(joint, 0.0, 0.0, 0.0, _torque_limit(trials), tuple(terms)), set(joints)
 
 
 def _make_card(
@@ -226,7 +242,7 @@ def _make_card(
     needed: set[str],
     notes: Sequence[str],
 ) -> EmgEstimatorCard:
-    """Return an estimator's card with the channels `used` and the angles `needed`."""
+    """Return an estimator's card with the channels `used`, the angles `needed` and the study's chain."""
     spec, notes = study.table(EmgTorqueTable), list(notes)
     raw: dict[str, Any] = {}
     fitted = [r for r in study.recordings() if r.use == "fit" and r.participant == trials[0].participant]
@@ -237,6 +253,21 @@ def _make_card(
         raw = {"chain": spec.chain, "emg_rate": rate, **chain_sections(chain, rate)}
         late = chain.delay(rate).filters
         notes.append(f"The chain {spec.chain} delays envelopes by {1e3 * late:.0f} ms; muscles were fitted with this.")
+    card = _envelope_card(study.name, name, trials, muscles, joints, used, needed, top)
+    return replace(card, notes=tuple(notes), **raw)
+
+
+def _envelope_card(
+    study: str,
+    name: str,
+    trials: Sequence[TorqueTrial],
+    muscles: tuple[EstimatorMuscle, ...],
+    joints: tuple[EstimatorJoint, ...],
+    used: set[str],
+    needed: set[str],
+    top: Mapping[str, float],
+) -> EmgEstimatorCard:
+    """Return the card of an estimator of envelopes, which are divided by the channels' largest ones, `top`."""
     channels = []
     for channel in trials[0].envelopes:
         if channel in used:
@@ -247,7 +278,7 @@ def _make_card(
             )
             channels.append(EstimatorChannel(channel, 1.0 / top.get(channel, 1.0), rest, max(ceiling, rest + 1e-9)))
     return EmgEstimatorCard(
-        study.name,
+        study,
         name,
         tuple(channels),
         tuple(angle for angle in trials[0].angles if angle in needed),
@@ -255,10 +286,8 @@ def _make_card(
         joints,
         1.0 / float(np.mean([t.fs for t in trials])),
         CAUSAL_MOTION_LOWPASS_HZ,
-        notes=tuple(notes),
         checksums={t.name: t.checksum for t in trials},
         pellucid=version("pellucid"),
-        **raw,
     )
 
 

@@ -111,7 +111,7 @@ function buildCharts() {
   const bound = (name) => ({ ...line(name, "", "good"), isBound: true }); // an end of the interval, without a key
   addChart(0, "Angle", "°", [line("target", "target", "heldout", DEGREES, [6, 4]), line("limb", "limb", "good", DEGREES), line("position", "robot", "fitted", DEGREES)], 150);
   addChart(0, "Velocity", "°/s", [line("velocity", "measured", "fitted", DEGREES)], 96);
-  addChart(0, "Torque", "N·m", [line("torque", "command", "ink"), line("drive", "drive", "symmetric", 1, [4, 3]), line("interaction", "on the person", "heldout"), line("estimate", "estimated from EMG, with 95 %", "good"), bound("estimate_low"), bound("estimate_high")], 150);
+  addChart(0, "Torque", "N·m", [line("torque", "command", "ink"), line("drive", "drive", "symmetric", 1, [4, 3]), line("interaction", "on the person", "heldout"), line("estimate", "estimated from EMG, with 90 %", "good"), bound("estimate_low"), bound("estimate_high")], 150);
   addChart(0, "Delay of a cycle", "ms", [line("lateness", "", "measured", 1e3)], 84);
 }
 
@@ -214,7 +214,7 @@ function showFigures() {
     ["Angle", now.pointer === null ? "–" : number(now.pointer * DEGREES, 1), "°", engine.position_limits.length === 2 && engine.position_limits[0] !== null ? `limits ${number(engine.position_limits[0] * DEGREES, 0)}° to ${number(engine.position_limits[1] * DEGREES, 0)}°` : "no limits known"],
     ["Command", number(now.torque, 1), "N·m", engine.effort_limit === null ? "no limit known" : `limit ${number(engine.effort_limit, 1)} N·m`],
     ["On the person", number(now.interaction, 1), "N·m", "interaction, measured"],
-    ["Estimated from EMG", estimate ? number(estimate.torque, 1) : "–", estimate ? `± ${number(estimate.half_width, 1)} N·m` : "", estimate ? `95 %; error ${number(estimate.error, 1)}, of the mean ${number(estimate.error_of_mean, 1)}` : withoutEstimate()],
+    ["Estimated from EMG", estimate ? number(estimate.torque, 1) : "–", estimate ? `± ${number(estimate.half_width, 1)} N·m` : "", estimate ? (estimateFault() || `90 %; error ${number(estimate.error, 1)}, of the mean ${number(estimate.error_of_mean, 1)}`) : withoutEstimate()],
   ];
   $("figures").replaceChildren(...rows.map(([what, figure, unit, more]) => {
     const box = element("div"), value = element("span", figure + " ", "figure");
@@ -224,10 +224,15 @@ function showFigures() {
   }));
 }
 
+function estimateFault() {
+  const changed = state.changed_channels.map(words).join(", ");
+  return [state.estimate_fault, changed && `changed: ${changed}`].filter(Boolean).join("; ");
+}
+
 function withoutEstimate() {
   const [error, ofMean] = state.estimate_errors;
   if (error === null) return "after two trials with EMG";
-  return error < ofMean ? "a sample is missing" : `not shown: error ${number(error, 1)} N·m, of the mean ${number(ofMean, 1)}`;
+  return state.is_estimate_useful ? estimateFault() || "a sample is missing" : `not shown: error ${number(error, 1)} N·m, of the mean ${number(ofMean, 1)}`;
 }
 
 function showLevels() {
