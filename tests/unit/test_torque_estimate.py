@@ -139,6 +139,14 @@ def test_an_estimate_that_loses_to_a_mean_is_not_given(is_related):
     assert any(each is not None for each in shown) is is_related
 
 
+@pytest.mark.parametrize("torque", [0.0, np.nan])
+def test_trials_without_a_measured_torque_are_not_fitted(torque):
+    rows = np.column_stack([PERIOD_S * np.arange(400), *np.random.default_rng(1).uniform(size=(4, 400))])
+    rows[:, 2] = torque
+    estimator = TorqueEstimator()
+    assert not any(estimator.add_trial(("a", "b"), rows) for _ in range(3))
+
+
 def test_there_is_no_estimate_where_a_sample_is_missing(fitted):
     found, estimator, samples = fitted
     estimator.use(found)

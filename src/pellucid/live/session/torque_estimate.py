@@ -132,7 +132,8 @@ class TorqueEstimator:
 
     def add_trial(self, muscles: Sequence[str], rows: np.ndarray) -> bool:
         """Keep the rows of a trial; return whether there is something new to fit."""
-        pieces = _sound_pieces(rows)
+        # A torque that never changes comes from a robot without a sensor.
+        pieces = [piece for piece in _sound_pieces(rows) if np.ptp(piece[:, 2]) > 0.0]
         if not muscles or not pieces or (self._trials and self._muscles != tuple(muscles)):
             return False
         self._muscles = tuple(muscles)
