@@ -405,7 +405,7 @@ def test_dead_channels_beside_sound_ones_lead_to_a_study_of_the_others(tmp_path)
     assert found.headline == "1 of 6 channels is unsound: velocity [rad/s] (dead: in all files)."
     assert found.answer.following == (
         "Record or compute again what should change: velocity [rad/s] (dead).",
-        "Or use the other 5 channels: `init` leaves out channels that never change: "
+        "Or use the other 5 channels (`init` leaves out those that never change): "
         f"`pellucid init my-study --from {paths[0]} {paths[1]}`.",
     )
 

@@ -65,7 +65,7 @@ CORRECTIONS = {
 """What to do with the channels of a verdict, where it is something else than `RECORD_AGAIN`."""
 
 IN_ALL_FILES = "in all files"
-"""Words for all files that have a channel."""
+"""Words for all files of an audit."""
 
 RECORD_AGAIN = "Record again, or exclude from the study: {channels} ({verdict})"
 """What to do with unsound channels."""
@@ -175,7 +175,7 @@ class _AlarmGroup:
     @property
     def placed(self) -> str:
         """The channels with the files, if these are not all."""
-        return ", ".join(self.channels) + ("" if self.where == IN_ALL_FILES else f" {self.where}")
+        return ", ".join(self.channels) + ("" if self.where.startswith("in all ") else f" {self.where}")
 
 
 @dataclass(frozen=True)
@@ -296,7 +296,9 @@ class Audit:
                 if word == verdict.verdict or not is_gravest:
                     having.setdefault((word, visible_text(finding.partner)), []).append(name)
             for (word, partner), names in having.items():
-                where = IN_ALL_FILES if len(names) == len(verdict.files) else _where(names, verdict.files)
+                where = _where(names, verdict.files)
+                if len(names) == len(verdict.files):
+                    where = IN_ALL_FILES if len(names) == len(self.files) else f"{where} with it"
                 pair = frozenset((verdict.channel, partner) if partner else ())
                 made.setdefault((word, where, pair), []).append(verdict.channel)
         return [_AlarmGroup(word, where, tuple(channels), bool(pair)) for (word, where, pair), channels in made.items()]
@@ -345,7 +347,7 @@ class Audit:
         dead = VERDICT_WORDS[constant.KIND]
         is_left_out = all(v.verdict == dead and not v.holds.startswith("emg") for v in self.alarms)
         if is_left_out and others and not unread and not is_motion_alone and not self.is_of_studies:
-            use = f"Or use the other {others} channels: `init` leaves out channels that never change"
+            use = f"Or use the other {others} channels (`init` leaves out those that never change)"
             return (*steps, Step(use, line=start))
         again = printed_command(self.command, *self.paths, *self.options)
         return (*steps, Step("Then audit changed files again", line=again))
