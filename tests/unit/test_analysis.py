@@ -287,9 +287,9 @@ def test_another_analysis_than_the_registered_one_is_post_hoc(tmp_path):
     output, rows, found = assessed()
     assert (rows["post_hoc"].value, rows["transparent"].note) == (1.0, "transparent (post hoc)")
     assert "FC: transparent (post hoc)" in re.sub(r"\s+", " ", output)
-    assert found.headline.startswith("FC: transparent (post hoc).")
+    assert found.headline.startswith("FC: transparent (post hoc), ")
     report, reviewed = page(study, found), reviewer_page(study, spec, found)
-    assert "FC: transparent (post hoc)." in report.said
+    assert "FC: transparent (post hoc), " in report.said
     assert "Post hoc" in report.answer.question
     assert reviewed.tiles[0].figure == "transparent (post hoc)"
     assert "margins.vmax: registered 5 %, analysed 60 %" in str(reviewed)

@@ -49,7 +49,7 @@ def plain():
 
 
 def test_white_residuals_give_least_squares_values_and_covariance(plain):
-    likelihood, values, _, _, found = plain
+    likelihood, values, covariance, _, found = plain
     freedom = likelihood.noise.freedom
     exact = likelihood.noise.variance * freedom / (freedom - 2.0)
     w_gram = np.linalg.inv(plain[3]) * 0.3**2
@@ -57,7 +57,10 @@ def test_white_residuals_give_least_squares_values_and_covariance(plain):
     assert found.unsettled == ""
     error = np.sqrt(np.diag(expected))
     assert np.all(np.abs(found.array - values) < 0.15 * error)  # four standard errors of a thousand draws' median
-    assert np.allclose(found.covariance / np.outer(error, error), expected / np.outer(error, error), atol=0.15)
+    # A variance of a thousand draws has a standard error of 4 %: one chain is no evidence.
+    more = [sampled(likelihood, values, covariance, seed=seed).covariance for seed in range(4)]
+    drawn_covariance = np.mean([found.covariance, *more], axis=0)
+    assert np.allclose(drawn_covariance / np.outer(error, error), expected / np.outer(error, error), atol=0.1)
 
 
 def test_coloured_residuals_make_it_as_wide_as_the_interval_does():
