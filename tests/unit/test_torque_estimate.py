@@ -8,6 +8,7 @@ from pellucid.live.session.torque_estimate import (
     JOINT,
     MAX_AGE_S,
     PERIOD_S,
+    UNWATCHED_WORDS,
     TorqueEstimator,
     TorqueSamples,
     fit_estimate,
@@ -118,6 +119,36 @@ def test_the_estimates_are_those_of_a_live_estimator_with_the_same_card(fitted):
             assert (estimate.torque, estimate.half_width) == (expected.torque[JOINT], expected.half_width[JOINT])
             compared += 1
     assert compared > 500
+
+
+def held(seed, seconds=30.0):
+    """Return the same of long efforts and rests at one posture, whose torque follows EMG."""
+    rng = np.random.default_rng(seed)
+    time, emg_time = np.arange(0.0, seconds, ROBOT_S), np.arange(0.0, seconds, EMG_S)
+
+    def effort(t):
+        return 0.03 + 0.5 * np.clip(4.0 * np.sin(2 * np.pi * 0.05 * t + seed), 0.0, 1.0)
+
+    noise = {m: 1 + 0.05 * rng.standard_normal(len(emg_time)) for m in MUSCLES}
+    envelopes = {m: 1e-4 * effort(emg_time) * x for m, x in noise.items()}
+    torque = 5.0 * effort(time) + 0.1 * rng.standard_normal(len(time))
+    angle = 1.0 + 0.01 * np.sin(2 * np.pi * 0.3 * time + seed)
+    return np.column_stack([time, angle, torque]), emg_time, envelopes
+
+
+def test_a_torque_that_no_movement_tells_is_estimated_without_a_watch():
+    """Rest looked unlike the efforts before it, so that a third of a held posture had no torque."""
+    estimator, samples = TorqueEstimator(), TorqueSamples()
+    for seed in range(3):
+        estimator.add_trial(samples.muscles, np.concatenate(list(streamed(samples, *held(seed), 100.0 * (seed + 1)))))
+    estimator.use(fit_estimate(*estimator.session_trials()))
+    parts = [rows for rows in streamed(samples, *held(11), 500.0) if len(rows)]
+    made = [(rows[-1, 2], estimator.estimate(samples.muscles, rows)) for rows in parts]
+    made = made[len(made) // 10 :]
+    given = [(torque, each) for torque, each in made if each is not None]
+    assert len(given) > 0.95 * len(made)
+    assert np.mean([abs(torque - each.torque) <= each.half_width for torque, each in given]) > 0.8
+    assert estimator.fault == UNWATCHED_WORDS
 
 
 @pytest.mark.parametrize("is_related", [True, False])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ...emg.estimators.emg_session import add_channel_watch
 from ...emg.estimators.live_torque import LiveEstimate, LiveTorque
 from ...emg.estimators.torque_map import fit_torque_map
 from ...emg.estimators.torque_trial import TorqueTrial
-from ...emg.models.emg_estimator import ESTIMATOR_FAULTS_BY_NAME, EmgEstimatorCard
+from ...emg.models.emg_estimator import ESTIMATOR_FAULTS_BY_NAME, WATCH_DEFAULTS, EmgEstimatorCard
 from ...emg.study.emg_torque.estimator_cards import envelope_map_card
 
 JOINT = "joint"
@@ -46,6 +46,12 @@ MAX_ERROR_SHARE = 0.9
 
 Without a relation to EMG, the chosen penalties make the map nearly the mean, so that chance decides which is better.
 """
+
+MAX_REFUSED_SHARE = 0.1
+"""Largest share of the fitted samples for which a watch may refuse a torque. Chosen by judgement."""
+
+UNWATCHED_WORDS = "EMG does not follow the movement in this session, so that its channels are not watched"
+"""What the page says of an estimate without a watch."""
 
 MIN_PIECE_S = 1.0
 """Shortest part of a trial without a missing sample that is fitted [s]."""
@@ -157,7 +163,7 @@ class TorqueEstimator:
     def use(self, fitted: FittedEstimate) -> None:
         """Step this estimator from now on."""
         self.card, self.error, self.error_of_mean = fitted.card, fitted.error, fitted.error_of_mean
-        self._live = None if fitted.card.watch is None else LiveTorque(fitted.card)
+        self._live = LiveTorque(fitted.card)
         self._last = None
 
     def estimate(self, muscles: Sequence[str], rows: np.ndarray) -> TorqueEstimate | None:
@@ -174,7 +180,8 @@ class TorqueEstimator:
         is_complete = len(rows) > 0 and bool(np.isfinite(np.delete(rows[-1], 2)).all())
         if self._last is None or not self.is_useful or not is_complete:
             return None
-        half_width = self._last.half_width[JOINT]
+        bare = WATCH_DEFAULTS.band_quantile * self.error if self._last.valid else inf
+        half_width = self._last.half_width.get(JOINT, bare)
         return TorqueEstimate(self._last.torque[JOINT], half_width) if isfinite(half_width) else None
 
     @property
@@ -185,8 +192,10 @@ class TorqueEstimator:
     @property
     def fault(self) -> str:
         """What is wrong with the estimate, in words; empty if nothing is."""
-        if self._last is None or self._last.valid:
+        if self._last is None:
             return ""
+        if self._last.valid:
+            return UNWATCHED_WORDS if self.card is not None and self.card.watch is None else ""
         return ESTIMATOR_FAULTS_BY_NAME[self._last.fault].words.partition(":")[0]
 
 
@@ -202,8 +211,28 @@ def fit_estimate(trials: Sequence[TorqueTrial], largest: Mapping[str, float]) ->
                 errors.append(found.predict(trial) - trial.torque)
                 of_mean.append(mean - trial.torque)
     error, error_of_mean = (float(np.sqrt(np.mean(np.concatenate(each) ** 2))) for each in (errors, of_mean))
-    card = envelope_map_card("session", "session", fit_torque_map(trials, "ridge", causal=True), trials, largest)
-    return FittedEstimate(add_channel_watch(card, {JOINT: trials}, {JOINT: error}), error, error_of_mean)
+    bare = envelope_map_card("session", "session", fit_torque_map(trials, "ridge", causal=True), trials, largest)
+    card = add_channel_watch(bare, {JOINT: trials}, {JOINT: error})
+    return FittedEstimate(card if _holds(card, trials, largest) else bare, error, error_of_mean)
+
+
+def _holds(card: EmgEstimatorCard, trials: Sequence[TorqueTrial], largest: Mapping[str, float]) -> bool:
+    """Return whether a watch lets its card estimate the torque of nearly all fitted samples.
+
+    Where a task changes the effort at one posture, no movement tells what a channel should be.
+    """
+    if card.watch is None:
+        return False
+    refused, count = 0, 0
+    for trial in trials:
+        live = LiveTorque(card)
+        envelopes = np.column_stack([largest[muscle] * trial.envelopes[muscle] for muscle in trial.envelopes])
+        columns = trial.time.tolist(), envelopes.tolist(), trial.angles[JOINT].tolist()
+        for time, envelope, angle in zip(*columns, strict=True):
+            found = live.step(time, dict(zip(trial.envelopes, envelope, strict=True)), {JOINT: angle})
+            refused += not isfinite(found.half_width[JOINT])
+        count += len(trial.time)
+    return refused <= MAX_REFUSED_SHARE * count
 
 
 def _sound_pieces(rows: np.ndarray) -> list[np.ndarray]:
