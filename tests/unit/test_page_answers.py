@@ -104,6 +104,13 @@ def test_an_answer_other_than_yes_has_its_reason_once(tmp_path, said, shown):
     assert not Page("t", "k", answer=replace(answer, verdict="yes")).unsaid_reason
 
 
+def test_a_reason_that_is_cut_as_the_sentence_is_stands_once():
+    """The first screen showed both, because only the sentence had been cut before the two were compared."""
+    long = "; ".join(f"channel {i} (an envelope, not raw EMG)" for i in range(20))
+    answer = Answer("May it be used?", "no", f"Unsound: {long}.", f"unsound: {long}")
+    assert not Page("t", "k", answer=answer).unsaid_reason
+
+
 def test_every_part_shows_the_number_of_its_verdict_once(tmp_path):
     """A second joint was "yes" without a number on the first screen."""
     parts = (

@@ -205,10 +205,10 @@ class Page:
         """Why the answer is no, or cannot be said, where the first screen does not say it yet; "" otherwise."""
         if self.answer is None or self.answer.verdict == "yes" or not self.answer.reason:
             return ""
-        reason = typeset_sentence(begun(self.answer.reason))
+        reason = _split_headline(typeset_sentence(begun(self.answer.reason)))[0]
         said = [self.lead, *(f"{part.name}: {self.part_number(part)}" for part in self.shown_parts)]
         is_said = any(_bare(reason).casefold() in _bare(text).casefold() for text in said)
-        return "" if is_said else f"Reason: {_split_headline(reason)[0]}"
+        return "" if is_said else f"Reason: {reason}"
 
     @property
     def shown_parts(self) -> tuple[AnswerPart, ...]:
