@@ -25,7 +25,7 @@ def test_a_delay_beyond_people_is_the_stream_s():
 def test_streams_that_share_no_clock_are_the_first_step():
     """Steps asked for more recordings with the same fault; the delay stood in a warning alone."""
     said = electromechanical_delay_verdict("knee", np.array([0.118, 0.2]))
-    result = SimpleNamespace(chosen=(), worth=(), checksums={}, headline="", live={}, verdicts=(said,))
+    result = SimpleNamespace(chosen=(), worth=(), checksums={}, headline="", live={}, verdicts=(said,), computed="")
     first, *_ = calibration_answer(result).next
     assert first.text.startswith("Check that EMG and torque share a clock, and that no causal filter delays the torque")
     assert first.text.endswith("is 118 to 200 ms, more than the physiological 10 to 100 ms")

@@ -219,7 +219,7 @@ def fit_estimate(trials: Sequence[TorqueTrial], largest: Mapping[str, float]) ->
 def _holds(card: EmgEstimatorCard, trials: Sequence[TorqueTrial], largest: Mapping[str, float]) -> bool:
     """Return whether a watch lets its card estimate the torque of nearly all fitted samples.
 
-    Where a task changes the effort at one posture, no movement tells what a channel should be.
+    Where a task changes the effort at one posture, no movement shows what a channel should be.
     """
     if card.watch is None:
         return False
