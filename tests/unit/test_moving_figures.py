@@ -68,7 +68,9 @@ def test_the_joint_turns_with_its_carriage_at_its_place(monkeypatch):
     fit.motions = motions
     names = {"by load": "load", "one set": "pooled"}
     roles = {"by load": "fitted", "one set": "stribeck"}
-    drawing = draw(moving_slider_figures.moving_slider, fit, names, roles)
+    drawing = draw(moving_slider_figures.moving_slider, fit, names, roles, "simulated")
+    assert "measured" not in drawing.svg
+    assert "its current, simulated, and as each model predicts it" in drawing.caption
     link, carriage = drawing.ways["link"].points, drawing.ways["carriage"].points
     assert angle(link).max() == pytest.approx(SWUNG.max(), abs=0.03)
     middle = np.linalg.norm(carriage.mean(axis=1), axis=-1)

@@ -49,7 +49,7 @@ def made() -> dict[str, tuple]:
     return {
         "paired-errors": (figures.paired_errors, errors, PROTOCOLS),
         "current": (
-            figures.current_trace, time, current, predictions, speed,
+            figures.current_trace, time, current, predictions, speed, "measured",
             "Motor current in one trial: measured and modelled.",
         ),
         "gravity": (
@@ -259,7 +259,7 @@ def test_names_that_clash_are_refused(twice, tmp_path):
 def test_long_names_take_more_lines_rather_than_be_cut():
     time = np.arange(50.0)
     names = [f"a model whose name is rather long, number {k}" for k in range(6)]
-    drawing = draw(figures.current_trace, time, time, dict.fromkeys(names, time), time, "Motor current.")
+    drawing = draw(figures.current_trace, time, time, dict.fromkeys(names, time), time, "measured", "Motor current.")
     page = drawing.figure.bbox
     texts = [t for t in drawing.figure.axes[0].texts if t.get_text() in names]
     assert len(texts) == 6

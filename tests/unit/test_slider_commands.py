@@ -123,6 +123,10 @@ def test_the_commands_go_through(elbow):
     page = (elbow / "report" / "index.html").read_text(encoding="utf-8")
     for anchor in ("found", "directions", "errors", "geometry", "methods", "provenance"):
         assert f'id="{anchor}"' in page
+    # The recordings are simulated: no figure says that their current was measured.
+    assert "its current, simulated, and as each model predicts it" in page
+    assert "mm: simulated (black" in page
+    assert not re.search(r">measured<|current, measured|: measured", page)
     assert "http" not in re.sub(r"http://www\.w3\.org\S*|https?://[\w./]*matplotlib\S*", "", page.lower())
     result = run(cli.app, ["identify", str(elbow), "--json"])
     assert {"elbow.load.error"} <= {row["id"] for row in json.loads(result.stdout)["figures"]}

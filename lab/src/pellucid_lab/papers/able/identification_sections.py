@@ -13,6 +13,7 @@ from pellucid.models.simulate import cycle_energy
 from pellucid.study.drawing.drawing import Drawing, draw
 from pellucid.study.pages.forest import Row, Table
 from pellucid.study.pages.page import Section
+from pellucid.study.recorded_motions import recorded_word
 
 from ...elbow.rig import ElbowRig
 from ..figure import Reproduced
@@ -127,12 +128,13 @@ def _trace(fit: SliderFit) -> Section:
         m.effort[part] / fit.gain,
         {MODEL_WORDS[name]: predicted(fit[name], m)[part] / fit.gain for name in ("pooled", "dissociated", "load")},
         m.velocity[part],
+        recorded_word("", is_simulated=True),
         roles=MODEL_COLOUR_ROLES,
         caption="Motor current at five velocities up and down (the paper's Fig. 3b), a trial never fitted.",
     )
     return Section(
         "trace",
-        "Fig. 3b: the current, measured and modelled",
+        "Fig. 3b: the current, simulated and modelled",
         ("While the joint rests between movements, stiction holds it and no model of a moving joint speaks.",),
         (),
         (drawing,),

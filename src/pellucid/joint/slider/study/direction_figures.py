@@ -105,12 +105,14 @@ def current_trace(
     measured: np.ndarray,
     predictions: Mapping[str, np.ndarray],
     velocity: np.ndarray,
+    recorded: str,
     caption: str,
     *,
     roles: Mapping[str, str] | None = None,
 ) -> Drawing:
     """Motor current against time, measured and by several models, with the velocity in a small panel beneath.
-    `time`, `measured` (n,) [s], [A]; `predictions` (n,) [A]; `velocity` (n,) [rad/s]."""
+    `time`, `measured` (n,) [s], [A]; `predictions` (n,) [A]; `velocity` (n,) [rad/s]; `recorded` the word for the
+    recorded current, such as "measured"."""
     tones = tones_of(predictions, roles)
     figure = Figure(figsize=(FIGURE_WIDTH, 4.6), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1.0))
@@ -123,7 +125,7 @@ def current_trace(
     tidy(top, first=True, text="Motor current (A)")
     for axis in (top, bottom):
         axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
-    write_names(top, [("measured", colour("measured")), *tones.items()])
+    write_names(top, [(recorded, colour("measured")), *tones.items()])
     return Drawing("current", figure, caption)
 
 

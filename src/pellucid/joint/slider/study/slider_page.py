@@ -30,6 +30,7 @@ from ....study.pages.quantities import (
     unit_text,
 )
 from ....study.procedures.study_page import provenance, study_page
+from ....study.recorded_motions import recorded_word
 from ....study.study import Study
 from ...study.joint_figures import busiest
 from ..slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
@@ -51,11 +52,14 @@ DASH_PATTERNS = ((0, ()), (0, (4, 2)), (0, (1.5, 1.5)))
 """Dashes of the predictions, in their order."""
 
 
-def moving_slider(fit: SliderFit, methods: Mapping[str, str], roles: Mapping[str, str]) -> MovingDrawing:
+def moving_slider(
+    fit: SliderFit, methods: Mapping[str, str], roles: Mapping[str, str], recorded: str
+) -> MovingDrawing:
     """Draw the joint along the busiest seconds of a recording, its measured and predicted current, and the errors that
     the models are compared by, trial by trial.
 
-    `methods` are up to three names of methods by what they are called here, `roles` the colours' roles by the same.
+    `methods` are up to three names of methods by what they are called here, `roles` the colours' roles by the same;
+    `recorded` is the word for the recorded current, such as "measured".
     """
     held = [m for m in fit.motions if m.split == "heldout"] or list(fit.motions)
     motion = next((m for m in held if m.protocol == "constant_velocity"), held[0])
@@ -74,7 +78,7 @@ def moving_slider(fit: SliderFit, methods: Mapping[str, str], roles: Mapping[str
     traces.set_xlabel("Time (s)")
     use = "held out" if motion.split == "heldout" else "fitted"
     heads([traces], [Head(motion.recording.replace("_", " "), use, colour(motion.split))])
-    key(traces, [("measured", colour("measured"))])
+    key(traces, [(recorded, colour("measured"))])
     _error_columns(errors, {words: [e.current for e in fit.evaluated(m)] for words, m in methods.items()}, roles)
     frames = np.linspace(start, stop, FRAME_COUNT)
     angle = np.interp(frames, time, motion.position)
@@ -95,7 +99,7 @@ def moving_slider(fit: SliderFit, methods: Mapping[str, str], roles: Mapping[str
     ways = {"link": Way(arm, link), "carriage": Way(arm, carriage), "cursor": cursor(traces, frames)}
     caption = (
         f"Left: the joint as it was recorded, its carriage at {1e3 * motion.slider:.0f} mm (lengths are not to scale). "
-        "Middle: its current, measured, and as each model predicts it where the joint moves, in the colours of the "
+        f"Middle: its current, {recorded}, and as each model predicts it where the joint moves, in the colours of the "
         f"right panel. Right: mean absolute error of the current in each {evaluated_use(fit)} trial (dots) and over "
         "them (bars)."
     )
@@ -188,14 +192,15 @@ def page(study: Study, result: SliderResult) -> Page:
     """Return the report's page, figures drawn."""
     fit = result.fit
     level = result.confidence
-    sections = (_found(fit, level), _directions(fit), _errors(fit), _geometry(fit), _methods(fit, level))
+    recorded = recorded_word("", is_simulated=bool(study.config.simulated))
+    sections = (_found(fit, level), _directions(fit), _errors(fit, recorded), _geometry(fit), _methods(fit, level))
     return study_page(
         title=f"{fit.study}: identified joint",
         answer=result.answer,
         verdicts=fit.verdicts,
         tiles=slider_tiles(fit),
         sections=(*sections, _provenance(study, fit)),
-        figure=draw(moving_slider, fit, {SHORT_METHOD_NAMES[m]: m for m in FIRST_METHODS}, COLOUR_ROLES),
+        figure=draw(moving_slider, fit, {SHORT_METHOD_NAMES[m]: m for m in FIRST_METHODS}, COLOUR_ROLES, recorded),
     )
 
 
@@ -325,7 +330,7 @@ def _friction(fit: SliderFit, middle: float, angles: np.ndarray) -> Drawing:
     )  # fmt: skip
 
 
-def _errors(fit: SliderFit) -> Section:
+def _errors(fit: SliderFit, recorded: str) -> Section:
     evaluated = {m: {e.recording: e for e in fit.evaluated(m)} for m in COMPARED_METHODS}
     names = list(evaluated["pooled"])
     errors = {SHORT_METHOD_NAMES[m]: np.array([evaluated[m][n].current for n in names]) for m in COMPARED_METHODS}
@@ -340,7 +345,7 @@ def _errors(fit: SliderFit) -> Section:
             ids={SHORT_METHOD_NAMES[m]: f"{fit.study}.{m}.error" for m in COMPARED_METHODS},
         )
     ]
-    trace = _trace(fit, names)
+    trace = _trace(fit, names, recorded)
     if trace is not None:
         drawings.append(trace)
     labels = [f"{n.replace('_', ' ')}, {1e3 * evaluated['pooled'][n].slider:.0f} mm" for n in names]
@@ -362,7 +367,7 @@ def _errors(fit: SliderFit) -> Section:
     )
 
 
-def _trace(fit: SliderFit, names: list[str]) -> Drawing | None:
+def _trace(fit: SliderFit, names: list[str], recorded: str) -> Drawing | None:
     """One constant-velocity trial, or the first there is."""
     motions = [m for m in fit.motions if m.recording in names]
     if not motions:
@@ -372,10 +377,10 @@ def _trace(fit: SliderFit, names: list[str]) -> Drawing | None:
     # No model predicts the current at rest, because friction may then have any value up to its level.
     made = {name: np.where(m.scored, values, np.nan) for name, values in made.items()}
     return draw(
-        figures.current_trace, m.time, m.effort / fit.gain, made, m.velocity, roles=COLOUR_ROLES,
+        figures.current_trace, m.time, m.effort / fit.gain, made, m.velocity, recorded, roles=COLOUR_ROLES,
         caption=f"Motor current during {m.recording.replace('_', ' ')}, with the carriage at {1e3 * m.slider:.0f} mm: "
-        "measured "
-        "(black; white on a dark page) and predicted where the joint moves (colour), with the velocity beneath.",
+        f"{recorded} (black; white on a dark page) and predicted where the joint moves (colour), with the velocity "
+        "beneath.",
     )  # fmt: skip
 
 
