@@ -61,7 +61,7 @@ ISOMETRIC_RATE_HZ = 2000.0
 """Rate of the isometric recordings [Hz]."""
 
 ISOMETRIC_TASKS = {"VL": 0, "BF": 1, "TA": 2}
-"""Agonists, with their column in the sheets; the gastrocnemius tells nothing of the force, says the data set."""
+"""Agonists with raw EMG, and their columns in the sheets; the columns of the gastrocnemius are envelopes."""
 
 ISOMETRIC_PEOPLE = sized(10, smallest=3)
 """Number of people whose contractions are read."""
