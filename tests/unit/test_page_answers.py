@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from pellucid.arm.study.joint_answers import answer_joints
 from pellucid.joint.fit.headline_choice import HeadlineChoice
 from pellucid.joint.study import joint_answer as module
+from pellucid.joint.study.joint_figures import friction, residuals
 from pellucid.joint.study.joint_page import answer_figure
 from pellucid.joint.study.joint_page import page as joint_page
 from pellucid.joint.study.joint_result import complete_result, rows_of
@@ -309,7 +310,11 @@ def test_an_effort_that_is_computed_is_not_said_to_be_measured():
 
 
 def test_a_simulated_effort_is_not_said_to_be_measured():
-    drawn = answer_figure(replace(predicting(computed="torque computed from the drive's current"), is_simulated=True))
+    fit = replace(predicting(computed="torque computed from the drive's current"), is_simulated=True)
+    for figure in (residuals(fit, fit.headlined), friction(fit)):
+        assert "simulated" in figure.caption
+        assert "measured" not in figure.caption
+    drawn = answer_figure(fit)
     words = [text.get_text() for axis in drawn.figure.axes for text in axis.texts]
     assert "measured" not in " ".join((drawn.caption, *words))
     assert "simulated" in drawn.caption

@@ -160,6 +160,11 @@ def test_each_joint_has_an_answer_in_every_output(study, found):
     assert resting.joint_answers[1].verdict == "cannot say"
     assert "in only " in resting.joint_answers[1].reason
     page = tree_page.page(study, found)
+    (effort,) = next(section.drawings for section in page.sections if section.id == "effort")
+    assert ": measured, predicted where" in effort.caption
+    simulated = replace(study, config=study.config.model_copy(update={"simulated": True}))
+    (effort,) = next(s.drawings for s in tree_page.page(simulated, found).sections if s.id == "effort")
+    assert "measured" not in effort.caption + effort.svg
     assert any(section.id == "joints" and section.tables for section in page.sections)
     assert "The model predicts 2 of 2 joints" in page.said
 

@@ -134,9 +134,11 @@ def _dots(points: np.ndarray) -> np.ndarray:
     return np.stack([points, points + tiny], axis=2).reshape(len(points), -1, 2)
 
 
-def efforts(trace: TreeTrace, names: Sequence[str], units: Sequence[str], errors: Sequence[float]) -> Drawing:
+def efforts(
+    trace: TreeTrace, names: Sequence[str], units: Sequence[str], errors: Sequence[float], recorded: str
+) -> Drawing:
     """Draw measured and predicted effort of each joint, and their difference, over the recording and its worst
-    stretch."""
+    stretch. `recorded` is the word for the recorded effort, such as "measured"."""
     m = len(names)
     figure = Figure(figsize=(FIGURE_WIDTH, 1.55 * m + 0.4), layout="constrained")
     axes = figure.subplots(m, 2, width_ratios=(2.3, 1.0), sharey="row", squeeze=False)
@@ -160,15 +162,15 @@ def efforts(trace: TreeTrace, names: Sequence[str], units: Sequence[str], errors
         right.set_xlim(low, high)
     key(
         axes[0, 1],
-        [(t, colour(r)) for t, r in (("measured", "measured"), ("predicted", "fitted"), ("difference", "heldout"))],
+        [(t, colour(r)) for t, r in ((recorded, "measured"), ("predicted", "fitted"), ("difference", "heldout"))],
     )
     axes[-1, 0].set_xlabel("Time (s)")
     axes[-1, 1].set_xlabel("Time (s), largest error")
     return Drawing(
         "effort",
         figure,
-        f"Effort of each joint in {trace.recording.replace('_', ' ')}: measured, predicted where the joint moves, and "
-        "the difference. Right: the segment with the largest difference, shaded at the left.",
+        f"Effort of each joint in {trace.recording.replace('_', ' ')}: {recorded}, predicted where the joint moves, "
+        "and the difference. Right: the segment with the largest difference, shaded at the left.",
     )
 
 
@@ -269,7 +271,7 @@ def friction(curves: Sequence[FrictionCurve]) -> Drawing:
     return Drawing(
         "friction",
         figure,
-        "Friction of each joint against its velocity. Dots: measured effort minus that of bodies and of other joints' "
+        "Friction of each joint against its velocity. Dots: recorded effort minus that of bodies and of other joints' "
         "motors. Curves: the model at low, medium and high load (colours). Where the curves differ, friction depends "
         "on the load.",
     )

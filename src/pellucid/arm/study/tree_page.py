@@ -18,6 +18,7 @@ from ...study.pages.quantities import (
     unit_text,
 )
 from ...study.procedures.study_page import figure_tables, provenance, study_page
+from ...study.recorded_motions import recorded_word
 from ...study.study import Study
 from ..fit.friction_terms import sum_friction
 from ..fit.tree_estimate import parameter_verdict
@@ -47,8 +48,9 @@ def page(study: Study, result: TreeResult) -> Page:
     errors = {MODEL_DESCRIPTIONS[e.model]: e.each for e in result.in_order if e.judged == result.judged}
     arm = draw(figures.arm, result, errors, judged)
     trace = figures.drawn_trace(result)
+    recorded = recorded_word(result.computed, is_simulated=bool(study.config.simulated))
     own = errors_along([trace])
-    efforts = draw(figures.efforts, trace, result.names, result.effort_units, own)
+    efforts = draw(figures.efforts, trace, result.names, result.effort_units, own, recorded)
     curves = _curves(result)
     sections = [
         Section("arm", "The arm", drawings=(arm,)),

@@ -345,9 +345,9 @@ def residuals(fit: JointResult, family: FamilyFit) -> Drawing:
     return Drawing(
         "residuals",
         figure,
-        "Residuals: measured minus predicted effort against position, velocity and load (the effort for gravity and "
-        "inertia). Thick lines: running medians. Grey band: 95 % prediction interval. A median that departs from zero "
-        "shows an effect that the model lacks.",
+        f"Residuals: {fit.recorded} minus predicted effort against position, velocity and load (the effort for gravity "
+        "and inertia). Thick lines: running medians. Grey band: 95 % prediction interval. A median that departs from "
+        "zero shows an effect that the model lacks.",
     )
 
 
@@ -413,9 +413,9 @@ def friction(fit: JointResult) -> Drawing:
     return Drawing(
         "friction",
         figure,
-        "Friction against velocity. Dots: fitted samples (measured effort minus offset, gravity and inertia). Line: "
-        "identified friction, with its 95 % interval from the covariance of the parameters (often thinner than the "
-        "line)." + (" Dashed: under a heavy load, in either direction." if _loaded(best) else ""),
+        f"Friction against velocity. Dots: fitted samples ({fit.recorded} effort minus offset, gravity and inertia). "
+        "Line: identified friction, with its 95 % interval from the covariance of the parameters (often thinner than "
+        "the line)." + (" Dashed: under a heavy load, in either direction." if _loaded(best) else ""),
     )
 
 
