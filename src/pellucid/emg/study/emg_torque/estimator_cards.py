@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from math import nan
-from typing import Any
 
 import numpy as np
 
 from ...._errors import PellucidError
+from ....files.recording import Recording
 from ....models.card import CardParameter
 from ....models.parameter_card import ParameterCard
 from ....study.study import Study
@@ -195,13 +195,15 @@ def muscle_estimator(
         EstimatorJoint(joint, *map(float, tissue), _torque_limit(trials[joint]))
         for joint, tissue in muscles.tissue.items()
     )
-    return _make_card(study, name, next(iter(trials.values())), tuple(made), joints, used, needed, notes)
+    own = next(iter(trials.values()))
+    card = _envelope_card(study.name, name, own, tuple(made), joints, used, needed, _largest_envelopes(study, own))
+    return _with_chain(study, card, own, notes)
 
 
 def map_estimator(study: Study, name: str, found: TorqueMap, trials: Sequence[TorqueTrial]) -> EmgEstimatorCard:
     """Return the card of a map by ridge regression. `study` [emg_torque]."""
-    joint, needed = _map_joint(name, found, trials)
-    return _make_card(study, name, trials, (), (joint,), set(trials[0].envelopes), needed, [])
+    card = envelope_map_card(study.name, name, found, trials, _largest_envelopes(study, trials))
+    return _with_chain(study, card, trials)
 
 
 def envelope_map_card(
@@ -211,12 +213,6 @@ def envelope_map_card(
 
     The trials hold shares of the `largest` envelope of each channel.
     """
-    joint, needed = _map_joint(name, found, trials)
-    return _envelope_card(study, name, trials, (), (joint,), set(trials[0].envelopes), needed, largest)
-
-
-def _map_joint(name: str, found: TorqueMap, trials: Sequence[TorqueTrial]) -> tuple[EstimatorJoint, set[str]]:
-    """Return the joint of a map by ridge regression with its terms, and the joints whose angles it needs."""
     chosen, joint = found.choice.features, trials[0].joint
     if chosen.lags:
         raise PellucidError(f"card {name}: found earlier envelopes, expected a map of present ones")
@@ -229,32 +225,33 @@ def _map_joint(name: str, found: TorqueMap, trials: Sequence[TorqueTrial]) -> tu
     for term, weight in found.regressor.unscaled_coefficients(names).items():
         first, _, second = ("", "", "") if term == "offset" else term.partition(PRODUCT_SEPARATOR)
         terms.append(EstimatorTerm(weight, first, second))
-    return EstimatorJoint(joint, 0.0, 0.0, 0.0, _torque_limit(trials), tuple(terms)), set(joints)
+    one = EstimatorJoint(joint, 0.0, 0.0, 0.0, _torque_limit(trials), tuple(terms))
+    return _envelope_card(study, name, trials, (), (one,), set(trials[0].envelopes), set(joints), largest)
 
 
-def _make_card(
-    study: Study,
-    name: str,
-    trials: Sequence[TorqueTrial],
-    muscles: tuple[EstimatorMuscle, ...],
-    joints: tuple[EstimatorJoint, ...],
-    used: set[str],
-    needed: set[str],
-    notes: Sequence[str],
+def _fitted_recordings(study: Study, participant: str | None) -> list[Recording]:
+    """Return the fitted recordings of a participant."""
+    return [r for r in study.recordings() if r.use == "fit" and r.participant == participant]
+
+
+def _largest_envelopes(study: Study, trials: Sequence[TorqueTrial]) -> Mapping[str, float]:
+    """Return the largest envelope of each channel, whose shares the trials hold."""
+    names, participant = {t.name for t in trials}, trials[0].participant
+    return find_maxima(study, participant, [r for r in _fitted_recordings(study, participant) if r.name in names])
+
+
+def _with_chain(
+    study: Study, card: EmgEstimatorCard, trials: Sequence[TorqueTrial], notes: Sequence[str] = ()
 ) -> EmgEstimatorCard:
-    """Return an estimator's card with the channels `used`, the angles `needed` and the study's chain."""
-    spec, notes = study.table(EmgTorqueTable), list(notes)
-    raw: dict[str, Any] = {}
-    fitted = [r for r in study.recordings() if r.use == "fit" and r.participant == trials[0].participant]
-    top = find_maxima(study, trials[0].participant, [r for r in fitted if r.name in {t.name for t in trials}])
+    """Return a card of envelopes with the study's chain, which makes them of raw EMG, and with notes."""
+    spec = study.table(EmgTorqueTable)
     chain = study_chain(study, spec)
-    if chain is not None:
-        rate = fitted[0].stream_or_self(spec.emg).fs
-        raw = {"chain": spec.chain, "emg_rate": rate, **chain_sections(chain, rate)}
-        late = chain.delay(rate).filters
-        notes.append(f"The chain {spec.chain} delays envelopes by {1e3 * late:.0f} ms; muscles were fitted with this.")
-    card = _envelope_card(study.name, name, trials, muscles, joints, used, needed, top)
-    return replace(card, notes=tuple(notes), **raw)
+    if chain is None:
+        return replace(card, notes=tuple(notes))
+    rate = _fitted_recordings(study, trials[0].participant)[0].stream_or_self(spec.emg).fs
+    late = 1e3 * chain.delay(rate).filters
+    note = f"The chain {spec.chain} delays envelopes by {late:.0f} ms; muscles were fitted with this."
+    return replace(card, notes=(*notes, note), chain=spec.chain, emg_rate=rate, **chain_sections(chain, rate))
 
 
 def _envelope_card(
