@@ -72,8 +72,9 @@ _SI_TEXTS = (
     "V*s/rad", "V*s^2/rad", "V*s^2/m", "A*s/rad", "A*s^2/rad", "A*s^2/m", "MVC",
 )  # fmt: skip
 
-# Factor and SI text of units that most recordings have: they need no Pint, which takes a third of a second to load.
+# Factor and SI text of units that need no Pint, which takes a third of a second to load.
 _COMMON_UNITS: Mapping[str, tuple[float, str]] = {
+    **{text: (1.0, text) for text in _SI_TEXTS},
     "deg": (math.pi / 180.0, "rad"), "deg/s": (math.pi / 180.0, "rad/s"), "ms": (1e-3, "s"), "mm": (1e-3, "m"),
     "mV": (1e-3, "V"), "mA": (1e-3, "A"), "%": (1e-2, "1"),
 }  # fmt: skip
@@ -188,8 +189,6 @@ def si_text(unit: str) -> str:
 
 @lru_cache(maxsize=1024)
 def _si_text(unit: str) -> str:
-    if unit in _SI_TEXTS:
-        return unit  # without loading Pint
     if unit in _COMMON_UNITS:
         return _COMMON_UNITS[unit][1]
     dimension = _parse(unit, "unit")[2]
@@ -226,8 +225,6 @@ def _example(expected, number="1.0") -> str:
 @lru_cache(maxsize=4096)
 def _factor(unit: str, expected: str | tuple[str, ...] | None, where: str) -> tuple[float, float]:
     wanted = () if expected is None else (expected,) if isinstance(expected, str) else expected
-    if unit in _SI_TEXTS and (not wanted or unit in wanted):
-        return 1.0, 0.0  # without loading Pint
     if unit in _COMMON_UNITS and (not wanted or _COMMON_UNITS[unit][1] in wanted):
         return _COMMON_UNITS[unit][0], 0.0
     if unit == "g" and "m/s^2" in wanted:
