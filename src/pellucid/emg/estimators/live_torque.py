@@ -75,7 +75,7 @@ class LiveTorque:
         self.joints = tuple(joint.name for joint in card.joints)
         self._gain, _ = to_si_factor(angle_unit, "rad", "angle_unit")
         self._core = card.build(period)
-        self._holds = False
+        self._gives_torque = False
         errors = () if card.watch is None else card.watch.errors
         self._half_width = {
             joint: WATCH_DEFAULTS.band_quantile * error for joint, error in zip(self.joints, errors, strict=False)
@@ -99,8 +99,8 @@ class LiveTorque:
         angle = self._gain * np.array(self._ordered_values("angles", self.card.angles, angles), float)
         torque, fault, lost, above, blind = self._core.step(round(1e6 * time), envelope, angle)
         widening = self._core.widening
-        if FAULTS[fault] != "time":  # which repeats the last output
-            self._holds = not ESTIMATOR_FAULTS_BY_NAME[FAULTS[fault]].stops
+        if not (known := ESTIMATOR_FAULTS_BY_NAME[FAULTS[fault]]).repeats:
+            self._gives_torque = not known.stops
         return LiveEstimate(
             dict(zip(self.joints, torque.tolist(), strict=True)),
             FAULTS[fault],
@@ -109,13 +109,43 @@ class LiveTorque:
             _names_of_set_bits(self.card.angles, blind),
             _names_of_set_bits(self.channels, self._core.changed),
             widening,
-            {joint: widening * half if self._holds else inf for joint, half in self._half_width.items()},
+            {joint: widening * half if self._gives_torque else inf for joint, half in self._half_width.items()},
         )
 
     def run(
         self, time: np.ndarray, emg: Mapping[str, np.ndarray], angles: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Advance several periods from the present state and return the torque by joint, shape (n,) [N m] each."""
+        torque = self._core.run(*self._input_rows(time, emg, angles))[0]
+        return dict(zip(self.joints, torque, strict=True))
+
+    def find_stops(
+        self, time: np.ndarray, emg: Mapping[str, np.ndarray], angles: Mapping[str, np.ndarray]
+    ) -> np.ndarray:
+        """Advance as `run` does and return where a fault made every torque 0, shape (n,) bool."""
+        faults = self._core.run(*self._input_rows(time, emg, angles))[1].astype(int)
+        return np.array([ESTIMATOR_FAULTS_BY_NAME[name].stops for name in FAULTS])[faults]
+
+    def find_changes(
+        self, time: np.ndarray, emg: Mapping[str, np.ndarray], angles: Mapping[str, np.ndarray]
+    ) -> dict[str, tuple[int, float]]:
+        """Advance as `run` does and return, by channel that the watch names, its first index and its largest loss."""
+        found: dict[str, tuple[int, float]] = {}
+        times, envelopes, turned = self._input_rows(time, emg, angles)
+        steps = zip(times.astype(int).tolist(), envelopes.T.copy(), turned.T.copy(), strict=True)
+        for i, (at, envelope, angle) in enumerate(steps):
+            self._core.step(at, envelope, angle)
+            if changed := self._core.changed:
+                losses = self.losses
+                for channel in _names_of_set_bits(self.channels, changed):
+                    first, largest = found.get(channel, (i, 0.0))
+                    found[channel] = first, max(largest, losses[channel])
+        return found
+
+    def _input_rows(
+        self, time: np.ndarray, emg: Mapping[str, np.ndarray], angles: Mapping[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return times, shape (n,) [us], envelopes with a row per channel, and angles with a row per joint [rad]."""
         n = len(time)
 
         def rows(what: str, names: tuple[str, ...], given: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -123,28 +153,7 @@ class LiveTorque:
             return np.array(found).reshape(len(names), n)
 
         angle = self._gain * rows("angles", self.card.angles, angles)
-        torque = self._core.run(np.round(1e6 * np.asarray(time, float)), rows("EMG", self.channels, emg), angle)[0]
-        return dict(zip(self.joints, torque, strict=True))
-
-    def find_changes(
-        self, time: np.ndarray, emg: Mapping[str, np.ndarray], angles: Mapping[str, np.ndarray]
-    ) -> dict[str, tuple[int, float]]:
-        """Advance as `run` does and return, by channel that the watch names, its first index and its largest loss."""
-        found: dict[int, tuple[int, float]] = {}
-        envelopes, turned = (
-            np.column_stack([np.asarray(x, float) for x in self._ordered_values(what, names, given)])
-            for what, names, given in (("EMG", self.channels, emg), ("angles", self.card.angles, angles))
-        )
-        turned = self._gain * turned
-        for i, at in enumerate(np.round(1e6 * np.asarray(time, float)).astype(int).tolist()):
-            self._core.step(at, envelopes[i], turned[i])
-            if changed := self._core.changed:
-                losses = self._core.losses
-                for k in range(len(self.channels)):
-                    if changed >> k & 1:
-                        first, largest = found.get(k, (i, 0.0))
-                        found[k] = first, max(largest, float(losses[k]))
-        return {self.channels[k]: each for k, each in found.items()}
+        return np.round(1e6 * np.asarray(time, float)), rows("EMG", self.channels, emg), angle
 
     @property
     def losses(self) -> dict[str, float]:

@@ -319,6 +319,7 @@ class EstimatorFault:
     words: str  # what was found and what the estimator then does
     keeps_validity: bool = False  # whether the estimate is as good as the calibration in spite of it
     stops: bool = False  # whether every torque is 0, which is no estimate
+    repeats: bool = False  # whether the last output is repeated, be it an estimate or not
 
 
 ESTIMATOR_KINDS = ("hill", "ridge")
@@ -327,7 +328,7 @@ ESTIMATOR_KINDS = ("hill", "ridge")
 ESTIMATOR_FAULTS: tuple[EstimatorFault, ...] = (
     EstimatorFault(_core.EMG_FAULTS[0], "no fault: valid as calibrated", keeps_validity=True),
     EstimatorFault("configuration", "the configuration is invalid: every torque is 0", stops=True),
-    EstimatorFault("time", "the time did not advance: the last output is repeated"),
+    EstimatorFault("time", "the time did not advance: the last output is repeated", repeats=True),
     EstimatorFault("angle", "an angle is missing or was never received: every torque is 0", stops=True),
     EstimatorFault(
         "channel", "an EMG channel is missing: its pattern for the movement replaces it, or rest without a watch"

@@ -19,6 +19,7 @@ from ...emg.estimators.torque_map import fit_torque_map
 from ...emg.estimators.torque_trial import TorqueTrial
 from ...emg.models.emg_estimator import ESTIMATOR_FAULTS_BY_NAME, WATCH_DEFAULTS, EmgEstimatorCard
 from ...emg.study.emg_torque.estimator_cards import envelope_map_card
+from ...numerics.filters import runs
 
 JOINT = "joint"
 """Name of the session's joint in trials and cards."""
@@ -213,34 +214,25 @@ def fit_estimate(trials: Sequence[TorqueTrial], largest: Mapping[str, float]) ->
     error, error_of_mean = (float(np.sqrt(np.mean(np.concatenate(each) ** 2))) for each in (errors, of_mean))
     bare = envelope_map_card("session", "session", fit_torque_map(trials, "ridge", causal=True), trials, largest)
     card = add_channel_watch(bare, {JOINT: trials}, {JOINT: error})
-    return FittedEstimate(card if _holds(card, trials, largest) else bare, error, error_of_mean)
+    return FittedEstimate(card if _has_usable_watch(card, trials, largest) else bare, error, error_of_mean)
 
 
-def _holds(card: EmgEstimatorCard, trials: Sequence[TorqueTrial], largest: Mapping[str, float]) -> bool:
+def _has_usable_watch(card: EmgEstimatorCard, trials: Sequence[TorqueTrial], largest: Mapping[str, float]) -> bool:
     """Return whether a watch lets its card estimate the torque of nearly all fitted samples.
 
     Where a task changes the effort at one posture, no movement shows what a channel should be.
     """
     if card.watch is None:
         return False
-    refused, count = 0, 0
-    for trial in trials:
-        live = LiveTorque(card)
-        envelopes = np.column_stack([largest[muscle] * trial.envelopes[muscle] for muscle in trial.envelopes])
-        columns = trial.time.tolist(), envelopes.tolist(), trial.angles[JOINT].tolist()
-        for time, envelope, angle in zip(*columns, strict=True):
-            found = live.step(time, dict(zip(trial.envelopes, envelope, strict=True)), {JOINT: angle})
-            refused += not isfinite(found.half_width[JOINT])
-        count += len(trial.time)
-    return refused <= MAX_REFUSED_SHARE * count
+    refused = [
+        LiveTorque(card).find_stops(trial.time, {m: largest[m] * x for m, x in trial.envelopes.items()}, trial.angles)
+        for trial in trials
+    ]
+    return bool(np.mean(np.concatenate(refused)) <= MAX_REFUSED_SHARE)
 
 
 def _sound_pieces(rows: np.ndarray) -> list[np.ndarray]:
     """Return the parts of a trial's rows without a missing sample that are long enough."""
-    sound = np.isfinite(rows).all(axis=1)
-    late = np.diff(rows[:, 0], prepend=rows[:1, 0]) > 1.5 * PERIOD_S
-    ends = np.flatnonzero(late | (np.diff(sound, prepend=sound[:1])))
-    return [
-        part for part, is_sound in zip(np.split(rows, ends), np.split(sound, ends), strict=True)
-        if len(part) * PERIOD_S >= MIN_PIECE_S and is_sound.all()
-    ]  # fmt: skip
+    late = 1 + np.flatnonzero(np.diff(rows[:, 0]) > 1.5 * PERIOD_S)
+    pieces = [part[span] for part in np.split(rows, late) for span in runs(np.isfinite(part).all(axis=1))]
+    return [piece for piece in pieces if len(piece) * PERIOD_S >= MIN_PIECE_S]
