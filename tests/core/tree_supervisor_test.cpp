@@ -54,6 +54,13 @@ Rules rules() {
   return r;
 }
 
+/// The rules with a change make no sense.
+template <class Change> void refused(Change change, const char* what, int line = __builtin_LINE()) {
+  Rules bad = rules();
+  change(bad);
+  check(p::coefficients(bad, p::coefficients(law_params())).valid == 0, what, line);
+}
+
 // --- numbers ---------------------------------------------------------------------------------------------------------
 
 void parameters() {
@@ -77,19 +84,13 @@ void parameters() {
   check(c.joint[2].level == 0.75 && c.joint[2].load == 0.25, "whichever it is");
   check(c.joint[1].encoder.period == period && c.joint[1].ringing.smoothing == 100 * 4 * period, "ringing every fourth");
   for (std::size_t k = 0; k < joints; ++k) {
-    Rules bad = rules();
-    bad.joint[k].rest_speed = -1;
-    check(p::coefficients(bad, law).valid == 0 && p::coefficients(bad, law).reset_periods == 1000000, "unsound");
-    bad = rules();
-    bad.joint[k].encoder.range_min = 1, bad.joint[k].encoder.range_max = 0;
-    check(p::coefficients(bad, law).valid == 0, "an encoder without a range");
-    bad = rules();
-    bad.joint[k].ringing.fastest = 300;
-    check(p::coefficients(bad, law).valid == 0, "a band that is too fast");
+    Rules restless = rules();
+    restless.joint[k].rest_speed = -1;
+    check(p::coefficients(restless, law).valid == 0 && p::coefficients(restless, law).reset_periods == 1000000, "unsound");
+    refused([k](Rules& bad) { bad.joint[k].encoder.range_min = 1, bad.joint[k].encoder.range_max = 0; }, "an encoder without a range");
+    refused([k](Rules& bad) { bad.joint[k].ringing.fastest = 300; }, "a band that is too fast");
   }
-  Rules bad = rules();
-  bad.whole.reset_delay = -1;
-  check(p::coefficients(bad, law).valid == 0, "unsound as a whole");
+  refused([](Rules& bad) { bad.whole.reset_delay = -1; }, "unsound as a whole");
   auto shut = law;
   shut.gate.valid = false;
   check(p::coefficients(rules(), shut).valid == 0, "no gate");
@@ -363,7 +364,6 @@ void power() {
     }
 }
 
-/// Encoders and drives, joint by joint, in every period; a joint in doubt is noted, and the first fault is named.
 /// A bit that is lost of what says whether a joint is in doubt, or its drive without power, stops all, and that one counts.
 void bits_of_a_doubt() {
   for (std::size_t k = 0; k < joints; ++k)
@@ -389,6 +389,7 @@ void bits_of_a_doubt() {
         }
 }
 
+/// Encoders and drives, joint by joint, in every period; a joint in doubt is noted, and the first fault is named.
 void encoders_and_drives() {
   for (std::size_t k = 0; k < joints; ++k)
     for (const S way : {-1.0, 1.0}) {
@@ -870,22 +871,12 @@ void start_up() {
     moving.run(1);
   }
   check(moving.mode() == M::start_up && moving.state().tested == 1, "and a reset is followed by the test");
-  Rules unsound = rules();
-  unsound.joint[2].test.samples = 4;
-  check(p::coefficients(unsound, p::coefficients(law_params())).valid == 0, "a wave that is none");
-  unsound = rules();
-  unsound.joint[2].motion.slow = -1;
-  check(p::coefficients(unsound, p::coefficients(law_params())).valid == 0, "a watch that is none");
-  unsound = rules();
-  unsound.joint[2].delay.forget = -1;
-  check(p::coefficients(unsound, p::coefficients(law_params())).valid == 0, "nor this one");
+  refused([](Rules& bad) { bad.joint[2].test.samples = 4; }, "a wave that is none");
+  refused([](Rules& bad) { bad.joint[2].motion.slow = -1; }, "a watch that is none");
+  refused([](Rules& bad) { bad.joint[2].delay.forget = -1; }, "nor this one");
   for (std::size_t k = 0; k < joints; ++k) {
-    unsound = rules();
-    unsound.joint[k].motion.slow = 600;
-    check(p::coefficients(unsound, p::coefficients(law_params())).valid == 0, "means that are faster than their periods");
-    unsound = rules();
-    unsound.joint[k].delay.smoothing = 600;
-    check(p::coefficients(unsound, p::coefficients(law_params())).valid == 0, "of the drive's delay, too");
+    refused([k](Rules& bad) { bad.joint[k].motion.slow = 600; }, "means that are faster than their periods");
+    refused([k](Rules& bad) { bad.joint[k].delay.smoothing = 600; }, "of the drive's delay, too");
     // The first joint from another on that has a test, of as many as there are.
     Rules some = rules();
     some.joint[k].test = {0.5, 16, 32, 0.0001, 0.001};
