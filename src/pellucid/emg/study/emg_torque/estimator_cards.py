@@ -249,9 +249,11 @@ def _with_chain(
     if chain is None:
         return replace(card, notes=tuple(notes))
     rate = _fitted_recordings(study, trials[0].participant)[0].stream_or_self(spec.emg).fs
-    late = 1e3 * chain.delay(rate).filters
+    late, sections = 1e3 * chain.delay(rate).filters, chain_sections(chain, rate)
     note = f"The chain {spec.chain} delays envelopes by {late:.0f} ms; muscles were fitted with this."
-    return replace(card, notes=(*notes, note), chain=spec.chain, emg_rate=rate, **chain_sections(chain, rate))
+    return replace(
+        card, notes=(*notes, note), chain=spec.chain, emg_rate=rate, before=sections["before"], after=sections["after"]
+    )
 
 
 def _envelope_card(
