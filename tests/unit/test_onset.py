@@ -136,6 +136,8 @@ def test_a_stated_envelope_beside_raw_emg_is_not_searched_unless_it_is_named():
     )
     assert _sought_muscles(stream, OnsetTable()) == ("vastus",)
     assert _sought_muscles(stream, OnsetTable(muscles=("gastrocnemius",))) == ("gastrocnemius",)
+    both = ("vastus", "gastrocnemius")
+    assert _sought_muscles(stream, OnsetTable(muscles=both)) == both
 
 
 def test_an_envelope_is_refused(tmp_path):

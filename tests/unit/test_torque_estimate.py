@@ -178,6 +178,19 @@ def test_trials_without_a_measured_torque_are_not_fitted(torque):
     assert not any(estimator.add_trial(("a", "b"), rows) for _ in range(3))
 
 
+def test_a_trial_is_fitted_in_parts_without_missing_samples_and_pauses():
+    rng = np.random.default_rng(1)
+    rows = np.column_stack([PERIOD_S * np.arange(400), *rng.uniform(size=(4, 400))])
+    rows[100, 3] = np.nan
+    rows[220:, 0] += 3.0 * PERIOD_S
+    rows[240, 1] = np.nan  # The part between the pause and this sample is too short
+    estimator = TorqueEstimator()
+    estimator.add_trial(("a", "b"), rows)
+    made, _ = estimator.session_trials()
+    parts = [rows[:100], rows[101:220], rows[241:]]
+    assert [(t.time[0], t.time[-1], len(t)) for t in made] == [(p[0, 0], p[-1, 0], len(p)) for p in parts]
+
+
 def test_there_is_no_estimate_where_a_sample_is_missing(fitted):
     found, estimator, samples = fitted
     estimator.use(found)
