@@ -1,5 +1,6 @@
 """Motions of long recordings are in a temporary file, and give the samples that they would have in memory."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -32,6 +33,9 @@ def test_motions_beyond_the_limit_are_read_when_they_are_used(monkeypatch):
             held = found.velocity
             assert found.velocity is held  # models compare signals by identity
             assert type(replace(found, recording="other")) is type(expected)
+            copied = pickle.loads(pickle.dumps(found))  # as a job in another process has it
+            assert type(copied) is type(expected)
+            np.testing.assert_array_equal(copied.states, expected.states)
 
 
 def test_few_samples_stay_in_memory():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import fields, replace
 from weakref import ref
 
 import numpy as np
@@ -27,22 +28,29 @@ def _stored_signal(name: str) -> property:
     return property(read, doc=f"The {name}, (n,), read from the file unless somebody still holds what was read.")
 
 
-class StoredMotion(Motion):
-    """A motion that is made by `store_motions`; a changed copy of it is a plain motion."""
+class _StoredSignals:
+    """Signals of a motion that are read from the file."""
 
-    def __new__(cls, **fields) -> Motion:  # type: ignore[misc]
-        return Motion(**fields)
+    time, position, velocity, acceleration, effort = map(_stored_signal, SIGNAL_NAMES)
 
-    time, position, velocity, acceleration, effort = map(_stored_signal, SIGNAL_NAMES)  # type: ignore[assignment]
+    def __reduce__(self):
+        # Another process has its own copy, because it does not share the temporary file.
+        plain: Motion = replace(self)  # type: ignore[assignment, type-var]
+        return type(plain), tuple(getattr(plain, field.name) for field in fields(plain))
 
 
-class StoredJudgedMotion(JudgedMotion):
+class StoredMotion(_StoredSignals, Motion):  # type: ignore[misc]
+    """A motion that is made by `store_motions`; a copy of it is a plain motion."""
+
+    def __new__(cls, **values) -> Motion:  # type: ignore[misc]
+        return Motion(**values)
+
+
+class StoredJudgedMotion(_StoredSignals, JudgedMotion):  # type: ignore[misc]
     """The same of a held-out motion."""
 
-    def __new__(cls, **fields) -> JudgedMotion:  # type: ignore[misc]
-        return JudgedMotion(**fields)
-
-    time, position, velocity, acceleration, effort = map(_stored_signal, SIGNAL_NAMES)  # type: ignore[assignment]
+    def __new__(cls, **values) -> JudgedMotion:  # type: ignore[misc]
+        return JudgedMotion(**values)
 
 
 def store_motions(motions: Iterable[Motion]) -> Iterator[Motion]:
