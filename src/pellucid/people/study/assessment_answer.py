@@ -20,7 +20,7 @@ from ...study.answer import (
     Step,
     reason_of_parts,
 )
-from ...study.pages.quantities import MINUS_SIGN
+from ...study.pages.quantities import MINUS_SIGN, name_words
 from ...study.pages.values import Value
 from ..certificate import FAIL, PASS
 from ..certificate_text import (
@@ -120,13 +120,8 @@ MAX_ASKED_END_POINTS = 3
 """Largest number of end points that a question names."""
 
 
-def plain_name(condition: str) -> str:
-    """Return the name of a condition as a sentence has it."""
-    return condition.replace("_", " ")
-
-
 def _quoted(condition: str) -> str:
-    return f'"{plain_name(condition)}"'
+    return f'"{name_words(condition)}"'
 
 
 def listed_or(names: Sequence[str]) -> str:
@@ -168,7 +163,7 @@ def _recording_steps(found: AssessmentResult, undecided: Sequence[Certified]) ->
     for each in undecided:
         for text in _recording_texts(found, each):
             conditions.setdefault(text, []).append(each.condition)
-    return tuple(Step(f"{', '.join(map(plain_name, names))}: {text}") for text, names in conditions.items())
+    return tuple(Step(f"{', '.join(map(name_words, names))}: {text}") for text, names in conditions.items())
 
 
 def _recording_texts(found: AssessmentResult, each: Certified) -> tuple[str, ...]:
@@ -343,7 +338,7 @@ def _more_people_step(found: AssessmentResult, untold: Sequence[str]) -> Step:
     """Return the numbers of people who would show the changes that were seen in `untold` conditions."""
     count, needed = len(found.participants), found.needed_as_seen
     text = "More people are needed"
-    if numbers := [f"{plain_name(name)} {_needed_words(needed[name], count)}" for name in untold if name in needed]:
+    if numbers := [f"{name_words(name)} {_needed_words(needed[name], count)}" for name in untold if name in needed]:
         text = (
             f"People who would show the change of {lowered(leading_index().words)} seen here by the same tests, in "
             f"8 of 10 studies: {', '.join(numbers)}"
