@@ -127,12 +127,11 @@ struct Sorted {
 class Growth {
  public:
   Growth(const Sorted& rows, const double* y, const double* times, const Settings& settings, std::uint32_t seed)
-      : rows_(rows), settings_(settings), y_(y), times_(times), draws_(seed), wy_(rows.n), pairs_(rows.n), leftward_(rows.n),
+      : rows_(rows), settings_(settings), y_(y), draws_(seed), pairs_(rows.n), leftward_(rows.n),
         features_(rows.k), constants_(rows.k) {
     samples_.reserve(rows.n);
     for (std::size_t i = 0; i < rows.n; ++i) {
-      wy_[i] = times[i] * y[i];
-      pairs_[i] = {wy_[i], times[i]};
+      pairs_[i] = {times[i] * y[i], times[i]};
       whole_ += times[i];
       if (times[i] != 0.0) samples_.push_back(static_cast<std::uint32_t>(i));
     }
@@ -214,9 +213,9 @@ class Growth {
     double sum = 0.0, squares = 0.0, weight = 0.0;
     for (std::size_t i = part.first; i < part.last; ++i) {
       const std::uint32_t row = samples_[i];
-      sum += wy_[row];
-      squares += wy_[row] * y_[row];
-      weight += times_[row];
+      sum += pairs_[row].wy;
+      squares += pairs_[row].wy * y_[row];
+      weight += pairs_[row].weight;
     }
     Node node;
     node.number = sum / weight;
@@ -338,18 +337,18 @@ class Growth {
     double left = 0.0, left_weight = 0.0, left_squares = 0.0;
     if (part.at - part.first <= part.last - part.at) {
       for (std::size_t i = part.first; i < part.at; ++i) {
-        left += wy_[samples_[i]];
-        left_weight += times_[samples_[i]];
+        left += pairs_[samples_[i]].wy;
+        left_weight += pairs_[samples_[i]].weight;
       }
     } else {
       left = sum;
       left_weight = weight;
       for (std::size_t i = part.last; i > part.at; --i) {
-        left -= wy_[samples_[i - 1]];
-        left_weight -= times_[samples_[i - 1]];
+        left -= pairs_[samples_[i - 1]].wy;
+        left_weight -= pairs_[samples_[i - 1]].weight;
       }
     }
-    for (std::size_t i = part.first; i < part.at; ++i) left_squares += wy_[samples_[i]] * y_[samples_[i]];
+    for (std::size_t i = part.first; i < part.at; ++i) left_squares += pairs_[samples_[i]].wy * y_[samples_[i]];
     const double right = sum - left, right_weight = weight - left_weight;
     const double left_mean = left / left_weight, right_mean = right / right_weight;
     part.impurity_left = left_squares / left_weight - left_mean * left_mean;
@@ -384,11 +383,10 @@ class Growth {
 
   const Sorted& rows_;
   const Settings& settings_;
-  const double *y_, *times_;
+  const double* y_;
   Draws draws_;
   double whole_ = 0.0;
   bool is_last_ = false;
-  std::vector<double> wy_;
   struct Pair {
     double wy, weight;
   };
