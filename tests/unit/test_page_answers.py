@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from pellucid.arm.study.joint_answers import answer_joints
 from pellucid.joint.fit.headline_choice import HeadlineChoice
 from pellucid.joint.study import joint_answer as module
+from pellucid.joint.study.joint_answer import crossed_error_of, error_interval_of
 from pellucid.joint.study.joint_figures import friction, residuals
 from pellucid.joint.study.joint_page import answer_figure
 from pellucid.joint.study.joint_page import page as joint_page
@@ -215,7 +216,7 @@ def test_a_joint_names_the_recordings_beyond_the_bound():
     fit = SimpleNamespace(
         headlined=SimpleNamespace(predictions=held, heldout_effort_error=11.4, heldout_r2=0.98), best="load",
         effort_unit="N*m", verdicts=(), study="s", joint="servo", held_out=(), checksums={"r0": "", "r1": ""},
-        families={"load": None}, computed="",
+        families={"load": None}, computed="", error_interval=None,
     )  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "by_recording", lambda held: [[each] for each in held])
@@ -266,7 +267,8 @@ def test_the_error_of_a_single_held_out_recording_has_an_interval_and_asks_for_a
     fit = predicting((5.0,))
     family, rng = fit.families[fit.best], np.random.default_rng(2)
     noisy = [replace(p, predicted=p.effort + 0.1 * rng.standard_normal(len(p.effort))) for p in family.predictions]
-    answer = replace(fit, families={fit.best: replace(family, predictions=tuple(noisy))}).answer
+    fit = replace(fit, families={fit.best: replace(family, predictions=tuple(noisy))})
+    answer = replace(fit, error_interval=error_interval_of(fit)).answer
     (low, high), value = answer.numbers[0].interval, answer.numbers[0].value
     assert low < value < high
     assert f"error of {percent(value)} % (95 % CI {percent(low)} to {percent(high)} %, R² " in answer.sentence
@@ -278,19 +280,31 @@ def test_the_error_of_a_single_held_out_recording_has_an_interval_and_asks_for_a
 def test_a_bound_that_the_interval_covers_is_said_to_be_uncertain():
     """Yes, 20.0 %, was as certain as 5 %."""
     fit = predicting((5.0,), 17.0)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "error_interval", lambda fit: (14.0, 21.0))
-        answer = fit.answer
-        assert "(95 % CI 14.0 to 21.0 %, R² 0.960), just within 20 % and uncertain" in answer.sentence
-        assert answer.badge == "Yes (uncertain)"
-        unscaled = with_assumed(answer, (Assumption("units", "rad", is_scale=True),))
-        assert unscaled.badge == "Yes (uncertain, scale not confirmed)"
-        assert [step.text for step in answer.next if step.name == "export"] == [
-            "Export a controller once the interval ends within the bound"
-        ]
-        patch.setattr(module, "error_interval", lambda fit: (14.0, 19.0))
-        assert "just within" not in fit.answer.sentence
-        assert fit.answer.badge == "Yes"
+    answer = replace(fit, error_interval=(14.0, 21.0)).answer
+    assert "(95 % CI 14.0 to 21.0 %, R² 0.960), just within 20 % and uncertain" in answer.sentence
+    assert answer.badge == "Yes (uncertain)"
+    unscaled = with_assumed(answer, (Assumption("units", "rad", is_scale=True),))
+    assert unscaled.badge == "Yes (uncertain, scale not confirmed)"
+    assert [step.text for step in answer.next if step.name == "export"] == [
+        "Export a controller once the interval ends within the bound"
+    ]
+    answer = replace(fit, error_interval=(14.0, 19.0)).answer
+    assert "just within" not in answer.sentence
+    assert answer.badge == "Yes"
+
+
+def test_a_long_recording_that_was_fitted_in_pieces_has_an_interval():
+    """It had none: predictions are of recordings, and cross-validated residuals of their pieces."""
+    fit = fabricate.fit(heldout=0, samples=400)
+    family, rng = fit.families[fit.best], np.random.default_rng(3)
+    fitted = family.predictions[:1]
+    residual = 0.1 * rng.standard_normal(len(fitted[0].effort))
+    whole, cut = (
+        replace(fit, families={fit.best: replace(family, predictions=fitted, crossed=crossed)})
+        for crossed in ((residual,), tuple(np.array_split(residual, 3)))
+    )
+    assert error_interval_of(whole) == error_interval_of(cut) is not None
+    assert crossed_error_of(whole) == crossed_error_of(cut)
 
 
 def test_a_recording_with_a_number_keeps_its_name():

@@ -62,6 +62,10 @@ class JudgedJoint(Protocol):
         """Cross-validated error [%] and R² on segments of the fitted recordings; NaN if unknown."""
 
     @property
+    def error_interval(self) -> tuple[float, float] | None:
+        """95 % confidence interval of the reported error [%]; None if it is not known."""
+
+    @property
     def held_out(self) -> Sequence[HeldOutEffort]:
         """Effort on held-out recordings; empty without one."""
 
@@ -133,7 +137,7 @@ def joint_answer(fit: JudgedJoint) -> Answer:
         reason = "no recording was held out"
         return Answer(question, "cannot say", said, reason, basis=_basis(fit, judged), next=(HOLD_OUT_STEP,))
     said = f"{model} predicts the {effort} of {judged} with an error of {error} %"
-    ranged, interval = error_range_text(fit) if held else "", error_interval(fit)
+    ranged, interval = error_range_text(fit) if held else "", fit.error_interval
     sure = f"95 % CI {percent(interval[0])} to {percent(interval[1])} %" if interval and not ranged else ""
     sure = ", ".join(filter(None, (sure, f"R² {number(r2, digits=3)}" if np.isfinite(r2) else "")))
     known_r2 = f" ({sure})" if sure and not ranged else ""
@@ -231,21 +235,22 @@ def headline_error(fit: JudgedJoint) -> Value:
     return Value(name, error, percent(error))
 
 
-def error_interval(fit: JudgedJoint) -> tuple[float, float] | None:
+def error_interval_of(fit: JudgedJoint) -> tuple[float, float] | None:
     """Return the 95 % confidence interval of the reported error [%]; None if it is not known.
 
     Between several held-out recordings errors differ more than within them: their range is reported in its place.
     """
-    family, held = fit.families[fit.best], _held_out_recordings(fit)
+    held = _held_out_recordings(fit)
     if len(held) > 1:
         return None
-    parts = held[0] if held else [p for p in fit.headlined.predictions if p.split == "fitted"]
-    residuals = [p.residual for p in parts] if held else family.crossed
-    lengths = [len(p.effort) for p in parts]
-    if lengths != [len(r) for r in residuals] or not sum(lengths):
+    if held:
+        efforts, residuals = zip(*((p.effort, p.residual) for p in held[0]), strict=True)
+        found = np.concatenate(efforts), np.concatenate(residuals), [len(effort) for effort in efforts]
+    else:
+        found = _crossed_efforts(fit)
+    if found is None:
         return None
-    effort, residual = np.concatenate([p.effort for p in parts]), np.concatenate(residuals)
-    error, factor = headline_error(fit).number, relative_error_factor(effort, residual, lengths)
+    error, factor = headline_error(fit).number, relative_error_factor(*found)
     low, high = error / factor, error * factor
     return (low, high) if np.isfinite(high) and percent(low) != percent(high) else None
 
@@ -258,14 +263,26 @@ def unfitted_r2(fit: JudgedJoint) -> float:
 
 def crossed_error_of(fit: JudgedJoint) -> tuple[float, float]:
     """Return the cross-validated error [%] and R² on segments of the fitted recordings; NaN if unknown."""
+    found = _crossed_efforts(fit)
+    if found is None:
+        return float("nan"), float("nan")
+    effort, residual, _ = found
+    return relative_error(effort, effort - residual), r_squared(effort, effort - residual)
+
+
+def _crossed_efforts(fit: JudgedJoint) -> tuple[np.ndarray, np.ndarray, list[int]] | None:
+    """Return effort and cross-validated residual of the fitted recordings, (m,), and their lengths; None if unknown.
+
+    The residuals are of the pieces that were fitted, of which a long recording has several.
+    """
     family = fit.families[fit.best]
     efforts = [p.effort for p in family.predictions if p.split == "fitted"]
     if not family.crossed or not efforts:
-        return float("nan"), float("nan")
+        return None
     effort, residual = np.concatenate(efforts), np.concatenate(family.crossed)
     if len(effort) != len(residual) or not np.any(effort):
-        return float("nan"), float("nan")
-    return relative_error(effort, effort - residual), r_squared(effort, effort - residual)
+        return None
+    return effort, residual, [len(each) for each in efforts]
 
 
 def _constant_text(fit: JudgedJoint, effort: str) -> str:

@@ -26,7 +26,7 @@ from ..fit.joint_estimate import JointEstimate
 from ..fit.presliding import Presliding
 from ..fit.replay import Simulation, relative_error
 from ..fit.unknown_payload import UnknownPayload
-from .joint_answer import STRETCHES_OUT, crossed_error_of, joint_answer
+from .joint_answer import STRETCHES_OUT, crossed_error_of, error_interval_of, joint_answer
 
 if TYPE_CHECKING:
     from ...study.answer import Answer
@@ -65,6 +65,8 @@ class JointResult(Result):
     is_simulated: bool = False
     # Effort error [%] and R² on stretches of the fitted recordings, each left out in turn; NaN if unknown
     crossed_error: tuple[float, float] = (float("nan"), float("nan"))
+    # 95 % confidence interval of the reported error [%]; None if it is not known
+    error_interval: tuple[float, float] | None = None
     filter_note: str  # processing in one line
     drive_constant: Parameter | None = None  # drive constant from recordings with a known payload
     posterior: Posterior | None = None  # posterior of the best family, if [model] posterior requests it
@@ -146,6 +148,7 @@ def complete_result(study: Study, found: JointResult) -> JointResult:
         title = f"Posterior and least squares with {found.best} friction"
         compared = (posterior_table(title, found.posterior_pairs, found.confidence),)
     found = replace(found, crossed_error=crossed_error_of(found))
+    found = replace(found, error_interval=error_interval_of(found))
     return replace(
         found,
         headline=joint_answer(found).sentence,
