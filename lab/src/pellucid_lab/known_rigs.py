@@ -21,17 +21,19 @@ DRAWN_RIG_MODEL = "able-elbow"
 
 def kind_of(kind: str) -> type[Rig] | None:
     """Return the class of a `kind` of rig, defined so far or in a folder's rig.py; None if there is none."""
-    folders = [
-        (package.__name__, folder.name, folder.joinpath("rig.py"))
+    if kind in KINDS:
+        return KINDS[kind]
+    sources = {
+        f"{package.__name__}.{folder.name}.rig": folder.joinpath("rig.py")
         for package in rig_packages()
         for folder in sorted(files(package).iterdir(), key=lambda folder: folder.name)
-    ]
-    found = [(place, name, source) for place, name, source in folders if source.is_file()]
+    }
+    texts = {name: source.read_text(encoding="utf-8") for name, source in sources.items() if source.is_file()}
     # Folders that name the kind come first: the others may load much that it does not need.
-    for place, name, _ in sorted(found, key=lambda each: f'"{kind}"' not in each[2].read_text(encoding="utf-8")):
+    for name in sorted(texts, key=lambda name: f'"{kind}"' not in texts[name]):
+        import_module(name)
         if kind in KINDS:
-            return KINDS[kind]
-        import_module(f"{place}.{name}.rig")
+            break
     return KINDS.get(kind)
 
 
