@@ -298,10 +298,9 @@ def _averaged(x: np.ndarray, known: np.ndarray, width: int) -> np.ndarray:
     before, n = width // 2, len(x)
     for _ in range(3):
         made = np.empty(n)
-        for first in range(0, n, RANGE_LIMITS.block_samples):
-            stop = min(first + RANGE_LIMITS.block_samples, n)
-            around = np.arange(first - before, stop + width - 1 - before)
+        for rows in _blocks(n):
+            around = np.arange(rows[0] - before, rows[-1] + width - before)
             sums = np.cumsum(np.concatenate(([0.0], smooth[np.clip(around, 0, n - 1)])))
-            made[first:stop] = (sums[width:] - sums[:-width]) / width
+            made[rows] = (sums[width:] - sums[:-width]) / width
         smooth = made
     return smooth
