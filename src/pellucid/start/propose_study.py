@@ -1552,7 +1552,7 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             yield Question(
                 "effort",
                 f'Which quantity does the column "{role.column}" hold, and in which unit?',
-                f"{role.quantity} in {_scaled_unit(role)}",
+                f"{role.quantity} in {role.scaled_unit()}",
                 f"whether results are torques ({role.why})",
                 ("torque in N*m", "current in A", "voltage in V", "duty in 1", "force in N"),
             )
@@ -1830,13 +1830,6 @@ def _with_drive_constants(main: Layout, answer: str, drive: str | None, motion: 
     return main.with_each(turned)
 
 
-def _scaled_unit(role: ColumnRole) -> str:
-    """Return the unit of a channel with how many of it one stored number is, as an answer states it: 0.00269 A."""
-    if role.scale == 1.0:
-        return role.unit
-    return f"{np.format_float_positional(role.scale, precision=6, fractional=False, trim='-')} {role.unit}"
-
-
 def scale_reading(proposal: Proposal) -> str:
     """Return how the stored numbers of the driving effort were read, to follow a text; "" where they are the unit."""
     found = _main_effort(proposal.layouts, proposal.drive) if proposal.drive else None
@@ -1844,7 +1837,7 @@ def scale_reading(proposal: Proposal) -> str:
         return ""
     role = found[1]
     why = f" ({role.unit_why})" if role.unit_why else ""
-    return f'; one count of "{role.column}" is already read as {_scaled_unit(role)}{why}'
+    return f'; one count of "{role.column}" is already read as {role.scaled_unit()}{why}'
 
 
 def _effort_answer(answer: str) -> tuple[str, str, dict[str, float]]:

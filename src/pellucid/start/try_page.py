@@ -46,7 +46,6 @@ from .proposal_page import layout_tables
 from .study_text import channel_name
 
 if TYPE_CHECKING:
-    from .inference.assign_roles import ColumnRole
     from .proposal import Layout
     from .tried_log import TriedJoint, TriedLog
 
@@ -120,15 +119,10 @@ def column_roles(layout: Layout, arrow: str, most: int = MAX_LISTED_COLUMNS) -> 
     """
     clock = layout.roles.clock
     used = [f"{clock.column} {arrow} time [{clock.unit}]"] if clock.column else []
-    used += [f"{role.column} {arrow} {channel_name(role)} [{_scaled_unit(role)}]" for role in layout.channels]
+    used += [f"{role.column} {arrow} {channel_name(role)} [{role.scaled_unit(4)}]" for role in layout.channels]
     idle = [role.column for role in layout.roles.roles if role.quantity is None]
     lines = [listed_names(used, most)]
     return [*lines, f"not used: {listed_names(idle, most)}"] if idle else lines
-
-
-def _scaled_unit(role: ColumnRole) -> str:
-    """Return the unit of a column's numbers with how many of it one number is, as in "0.01 deg"."""
-    return role.unit if role.scale == 1.0 else f"{role.scale:.4g} {role.unit}"
 
 
 def _with_columns(tried: TriedLog) -> Answer:

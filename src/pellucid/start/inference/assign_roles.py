@@ -159,6 +159,12 @@ class ColumnRole:
         """How many of its unit one stored number is."""
         return float(str(self.keys.get("scale", 1.0)))
 
+    def scaled_unit(self, digits: int = 6) -> str:
+        """Return the unit with how many of it one stored number is, as an answer states it: 0.00269 A."""
+        if self.scale == 1.0:
+            return self.unit
+        return f"{np.format_float_positional(self.scale, digits, fractional=False, trim='-')} {self.unit}"
+
     @property
     def is_length(self) -> bool:
         """Whether its unit is one of lengths."""
