@@ -136,7 +136,15 @@ def test_an_interval_on_both_sides_of_the_bound_needs_more_people():
     even = replace(result.found[0], each=tuple(np.tanh(np.linspace(limit - 0.4, limit + 0.4, 8))))
     assert needed_people(even) is None
     (step,) = force_answer(replace(result, found=(even,))).next
-    assert step.text == "triceps: more people do not decide, up to 200; check electrodes and load cell"
+    assert step.text == "triceps: even 200 people would not give a clear answer; check the electrodes and the load cell"
+
+
+def test_a_muscle_of_two_tasks_is_named_with_its_task():
+    """The step named the muscle twice, and no task."""
+    result = force_result(0.3, 0.99)
+    both = (result.found[0], replace(result.found[0], task="lift"))
+    (step,) = force_answer(replace(result, found=both)).next
+    assert step.text.endswith(" in all for triceps in push, triceps in lift")
 
 
 def test_too_few_trials_say_how_many_more_to_record():

@@ -182,12 +182,12 @@ def _improving(result: EmgForceResult) -> tuple[Step, ...]:
     if open_ones:
         needed: dict[int | None, list[str]] = {}
         for each in open_ones:
-            needed.setdefault(needed_people(each), []).append(_words(each.muscle))
+            needed.setdefault(needed_people(each), []).append(_muscle_words(each, result.found))
         named = [f"{people} in all for {', '.join(names)}" for people, names in needed.items() if people is not None]
         if named:
             steps.append(Step(f"Record more people, for a power of {100 * POWER:g} %: {'; '.join(named)}"))
         if None in needed:
-            text = f"more people do not decide, up to {MAX_PEOPLE}; check electrodes and load cell"
+            text = f"even {MAX_PEOPLE} people would not give a clear answer; check the electrodes and the load cell"
             steps.append(Step(f"{', '.join(needed[None])}: {text}"))
     rest = [each for each in own if each.verdict == "no"]
     if rest:
@@ -272,17 +272,21 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
+def _muscle_words(each: MuscleForce, found: Sequence[MuscleForce]) -> str:
+    """Return a task's own muscle in words, with the task if the muscle is that of several."""
+    is_shared = sum(e.agonist and e.muscle == each.muscle for e in found) > 1
+    return f"{_words(each.muscle)} in {_words(each.task)}" if is_shared else _words(each.muscle)
+
+
 def _headline(found: Sequence[MuscleForce], level: float) -> str:
     """Return the headline: each task's own muscle with its correlation and interval, by verdict."""
     own = [e for e in found if e.agonist]
     counts = sorted({len(e.each) for e in own})
     people = "person" if counts == [1] else "people"
-    muscles = Counter(e.muscle for e in own)
     parts = []
     for verdict, words in HEADLINE_WORDS.items():
         told = [
-            f"{_words(e.muscle)}{f' in {_words(e.task)}' if muscles[e.muscle] > 1 else ''} {e.mean:.2f} "
-            f"({e.low:.2f} to {e.high:.2f})"
+            f"{_muscle_words(e, found)} {e.mean:.2f} ({e.low:.2f} to {e.high:.2f})"
             for e in own
             if e.verdict == verdict and not e.is_spoiled
         ]
