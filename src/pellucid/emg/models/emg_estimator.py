@@ -331,7 +331,7 @@ ESTIMATOR_FAULTS: tuple[EstimatorFault, ...] = (
     EstimatorFault("time", "the time did not advance: the last output is repeated", repeats=True),
     EstimatorFault("angle", "an angle is missing or was never received: every torque is 0", stops=True),
     EstimatorFault(
-        "channel", "an EMG channel is missing: its pattern for the movement replaces it, or rest without a watch"
+        "channel", "an EMG channel is missing: its pattern for the movement replaces it, or rest if it has no pattern"
     ),
     EstimatorFault("ceiling", "an envelope was above the range of a muscle and was limited"),
     EstimatorFault("limit", "a torque was beyond its limit and was limited"),

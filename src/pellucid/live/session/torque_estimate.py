@@ -51,7 +51,7 @@ Without a relation to EMG, the chosen penalties make the map nearly the mean, so
 MAX_REFUSED_SHARE = 0.1
 """Largest share of the fitted samples for which a watch may refuse a torque. Chosen by judgement."""
 
-UNWATCHED_WORDS = "EMG does not follow the movement in this session, so that its channels are not watched"
+UNWATCHED_WORDS = "EMG does not follow the movement in this session, so changes of its channels are not detected"
 """What the page says of an estimate without a watch."""
 
 MIN_PIECE_S = 1.0
