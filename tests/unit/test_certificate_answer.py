@@ -1,21 +1,23 @@
 """The answer of a certificate lists its conditions in one sentence, and says "cannot say" once."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from pellucid.people.analysis import EndPoint
-from pellucid.people.certificate import LEFT_OUT_DOUBT, certificate
+from pellucid.people.certificate import LEFT_OUT_DOUBT, Certificate, certificate
 from pellucid.people.comparison import compare_conditions, smallest_told_p
 from pellucid.people.equivalence import Margin
 from pellucid.people.indices import INDICES, leading_index
 from pellucid.people.movement_indices import IndexTable
+from pellucid.people.share_of_people import DEFAULT_RULE
 from pellucid.people.study import assessment_answer
 from pellucid.people.study.assessment_result import Assessed, Certified, Sensitivity
 from pellucid.people.study.certified import _people_needed_beyond
-from pellucid.people.study.certified_rows import _why_undecided, deciding_end_point, is_decided_by_people
+from pellucid.people.study.certified_rows import _why_undecided, deciding_end_point
 from pellucid.people.study.pointing import reason_words
 from pellucid.people.study.primary_change import PrimaryChange
 from pellucid.people.study.statements import _filter_verdicts, unsettled_text
@@ -258,7 +260,10 @@ def test_people_far_beyond_are_named_where_they_alone_lie_beyond():
     """The mean's interval reached into the margin, and nothing said why it would be beyond."""
     each = certified(8, None, "beyond")
     own = each.certificate
-    own.alpha, own.far_note = 0.05, lambda name: " (4 of 8 people by more than 3 margins)"
+    own.alpha, own.rule, own.beyond, own.far = 0.05, DEFAULT_RULE, {"duration": 0.22}, {"duration": 0.075}
+    for method in (Certificate.is_decided_by_people, Certificate.far_note):
+        setattr(own, method.__name__, partial(method, own))
+    own.end_points["duration"].share_test = lambda rule: SimpleNamespace(far=4, people=8, rule=rule)
     own.contradicted, own.lacks_people = lambda name: (), lambda name: False
     own.end_points["duration"].p_beyond, own.tested, own.p_beyond = 0.11, lambda name: "undecided", lambda name: 0.075
     said = _why_undecided(each, {"duration": "Duration", "vmax": "Peak velocity"}, ["Duration"])
@@ -339,8 +344,8 @@ def test_one_rule_decides_a_condition_and_gives_its_number():
     own = replace(each.certificate, beyond={"duration": 0.11}, far={"duration": 0.01})
     each = replace(each, certificate=own)
     assert own.verdict == "not transparent"
-    assert is_decided_by_people(own, "duration")
-    assert not is_decided_by_people(replace(own, beyond={"duration": 0.01}), "duration")
+    assert own.is_decided_by_people("duration")
+    assert not replace(own, beyond={"duration": 0.01}).is_decided_by_people("duration")
     found = SimpleNamespace(certified=(each,), control="balance", participants=("p",) * 12, settling=())
     said = assessment_answer._decisions_text(found)
     # "(−24.9 to +33.1 %; p = 0.075)" was read as a confidence interval.

@@ -167,9 +167,20 @@ class Certificate:
             return ", ".join(doubts)
         return f"undecided: {undecided_reason(self.point(name), self.end_points[name], self.rule)}"
 
+    def is_decided_by_people(self, name: str) -> bool:
+        """Return whether the number of people far beyond its margin puts an end point there, and not its interval.
+
+        Where Holm's correction leaves it undecided, it is said of the end point tested alone.
+        """
+        if name not in self.end_points or self.beyond[name] <= self.alpha:
+            return False
+        test = self.end_points[name]
+        is_alone = test.verdict == BEYOND_MARGIN and test.p_beyond > self.alpha
+        return is_alone or self.far.get(name, 1.0) <= self.alpha
+
     def far_note(self, name: str) -> str:
         """Return in brackets how many people lie far beyond, where that alone makes an end point "beyond"; else ""."""
-        if name not in self.end_points or self.beyond[name] <= self.alpha:
+        if not self.is_decided_by_people(name):
             return ""
         shares = self.end_points[name].share_test(self.rule)
         return f" ({shares.far} of {shares.people} people by more than {shares.rule.far_margins:g} margins)"

@@ -38,7 +38,7 @@ from ..indices import leading_index
 from ..power import CERTIFICATE_SIZES, MIN_FORECAST_PEOPLE
 from ..share_of_people import MIN_PEOPLE, limits
 from .assessment_tables import people_words
-from .certified_rows import certificate_reasons, deciding_end_point, is_decided_by_people, loss_remedy
+from .certified_rows import certificate_reasons, deciding_end_point, loss_remedy
 from .pointing import reason_words
 from .primary_change import PrimaryChange, primary_change
 from .statements import headline, unsettled_text
@@ -494,7 +494,7 @@ def _decision(findings: AssessmentResult, each: Certified) -> tuple[str, str]:
     name = deciding_end_point(each)
     point, test = each.end_points[name], own.end_points[name]
     words, margin = lowered(point.index.words), margin_text(point, test).replace("-", MINUS_SIGN)
-    if is_decided_by_people(own, name):
+    if own.is_decided_by_people(name):
         shares = test.share_test(own.rule)
         far = [signed_text(point, end) for end in limits(test.margin, shares.rule.far_margins) if np.isfinite(end)]
         told = (

@@ -21,7 +21,6 @@ from ..certificate_text import change_figure, interval_level
 from ..design_columns import DIRECTION_DOWN, DIRECTION_UP
 from ..movement_indices import Isochrony
 from .assessment_result import Assessed, Certified, Profile, Settling
-from .certified_rows import is_decided_by_people
 from .movement_curves import QUANTITY_NAMES
 from .primary_change import PrimaryChange
 
@@ -312,7 +311,7 @@ def certificate_figure(certified: Sequence[Certified]) -> Drawing:
         label = f"{name_words(each.condition)}: {each.end_points[name].index.short}"
         shares = own.share_test(each.certificate.rule)
         by_people = f"\n{shares.far} of {shares.people} people over {shares.rule.far_margins:g} margins"
-        labels.append(label + by_people * is_decided_by_people(each.certificate, name))
+        labels.append(label + by_people * each.certificate.is_decided_by_people(name))
     axis.set_xlim(-1.1 * reach, 1.1 * reach)
     axis.set_ylim(at - 0.8, 0.0)
     tidy(axis, first=True, text="")

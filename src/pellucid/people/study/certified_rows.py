@@ -21,7 +21,6 @@ from ..certificate import (
     PASS,
     PERIOD_DOUBT,
     UNEVEN_LOSSES_DOUBT,
-    Certificate,
     Doubt,
     too_many_lost,
 )
@@ -195,14 +194,6 @@ def deciding_end_point(each: Certified) -> str:
     return leading if leading in ranked else ranked[0]
 
 
-def is_decided_by_people(own: Certificate, name: str) -> bool:
-    """Return whether the number of people far beyond its margin puts an end point there, and not its interval."""
-    test = own.end_points[name]
-    if own.beyond[name] <= own.alpha:
-        return False
-    return own.far.get(name, 1.0) <= own.alpha or (test.verdict == BEYOND_MARGIN and test.p_beyond > own.alpha)
-
-
 def certificate_sentences(found: AssessmentResult) -> tuple[str, ...]:
     """Return the verdict on each condition, and its reason."""
     return tuple(
@@ -267,10 +258,9 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
     if doubted and len(doubted) == len(undecided):
         return _doubts_text(doubted, each)
     tests = own.end_points
-    # Where the mean alone is not beyond the margin, people far beyond it are the reason.
     single = [n for n in tests if tests[n].verdict == BEYOND_MARGIN and own.tested(n) != BEYOND_MARGIN]
     if single:
-        alone = [words[n] + (own.far_note(n) if tests[n].p_beyond > own.alpha else "") for n in single]
+        alone = [f"{words[n]}{own.far_note(n)}" for n in single]
         p = min(own.p_beyond(n) for n in single)
         return (
             f"Tested alone, {lowered(', '.join(alone))} would be beyond the margin. It is not significant after Holm's "
