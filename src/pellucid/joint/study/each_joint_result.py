@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from ...models.estimates import Parameter, Verdict
-from ...study.answer import Answer, AnswerPart, Basis, Step, answer_of_parts, needed_of_parts
+from ...study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts, needed_of_parts
 from ...study.pages.quantities import percent, unit_text, value_and_half_interval
 from ...study.procedures.findings import MAX_GOOD_ERROR, MAX_IMPROVING_STEPS
 from ...study.procedures.result import FigureTable, HeldOutEffort, Result
 from ...study.study import Study
+from .joint_answer import interval_words
 from .joint_coupling import ROBOT_STEP
 from .joint_result import JointResult
 from .joint_views import joint_views
@@ -86,14 +87,19 @@ def _card_name(name: str, joint: str) -> str:
 
 def heldout_text(answer: Answer) -> str:
     """Return the error in the answer of a joint in words; "" if it has none."""
-    shown = next((percent(number.value) for number in answer.numbers if number.unit == "%"), "")
-    return f"{shown} %" if shown else ""
+    error = _error_of(answer)
+    return f"{percent(error.value)} %" if error else ""
 
 
 def interval_text(answer: Answer) -> str:
     """Return the confidence interval of the error in the answer of a joint in words; "" if it is not known."""
-    interval = next((number.interval for number in answer.numbers if number.unit == "%"), None)
-    return f" (95 % CI {percent(interval[0])} to {percent(interval[1])} %)" if interval else ""
+    error = _error_of(answer)
+    return f" ({interval_words(error.interval)})" if error and error.interval else ""
+
+
+def _error_of(answer: Answer) -> AnswerNumber | None:
+    """Return the error [%] in the answer of a joint."""
+    return next((number for number in answer.numbers if number.unit == "%"), None)
 
 
 def headline_parameters(found: Result) -> dict[str, Parameter]:

@@ -137,14 +137,13 @@ def joint_answer(fit: JudgedJoint) -> Answer:
         reason = "no recording was held out"
         return Answer(question, "cannot say", said, reason, basis=_basis(fit, judged), next=(HOLD_OUT_STEP,))
     said = f"{model} predicts the {effort} of {judged} with an error of {error} %"
-    ranged, interval = error_range_text(fit) if held else "", fit.error_interval
-    sure = f"95 % CI {percent(interval[0])} to {percent(interval[1])} %" if interval and not ranged else ""
-    sure = ", ".join(filter(None, (sure, f"R² {number(r2, digits=3)}" if np.isfinite(r2) else "")))
-    known_r2 = f" ({sure})" if sure and not ranged else ""
+    interval = fit.error_interval
+    sure = ", ".join(filter(None, (interval_words(interval), f"R² {number(r2, digits=3)}" if np.isfinite(r2) else "")))
+    bracketed = error_range_text(fit) or (f" ({sure})" if sure else "")
     verdict, reason = _verdict(error.number, r2, judged)
     is_open = verdict == "yes" and interval is not None and interval[1] > MAX_GOOD_ERROR
     near = _margin_text(fit, error.number, is_open=is_open) if verdict == "yes" else ""
-    said += f"{ranged}{known_r2}{near}{_constant_text(fit, effort)}."
+    said += f"{bracketed}{near}{_constant_text(fit, effort)}."
     no_machine = next((v.text for v in fit.verdicts if v.finding in NO_MACHINE_FINDINGS and v.kind == "warning"), "")
     if verdict == "yes" and no_machine:
         verdict, reason = "cannot say", no_machine[:1].lower() + no_machine[1:].rstrip(".")
@@ -243,16 +242,17 @@ def error_interval_of(fit: JudgedJoint) -> tuple[float, float] | None:
     held = _held_out_recordings(fit)
     if len(held) > 1:
         return None
-    if held:
-        efforts, residuals = zip(*((p.effort, p.residual) for p in held[0]), strict=True)
-        found = np.concatenate(efforts), np.concatenate(residuals), [len(effort) for effort in efforts]
-    else:
-        found = _crossed_efforts(fit)
+    found = _joined(held[0], [p.residual for p in held[0]]) if held else _crossed_efforts(fit)
     if found is None:
         return None
     error, factor = headline_error(fit).number, relative_error_factor(*found)
     low, high = error / factor, error * factor
     return (low, high) if np.isfinite(high) and percent(low) != percent(high) else None
+
+
+def interval_words(interval: tuple[float, float] | None) -> str:
+    """Return the 95 % confidence interval of an error [%] in words; "" if it is not known."""
+    return f"95 % CI {percent(interval[0])} to {percent(interval[1])} %" if interval else ""
 
 
 def unfitted_r2(fit: JudgedJoint) -> float:
@@ -271,18 +271,24 @@ def crossed_error_of(fit: JudgedJoint) -> tuple[float, float]:
 
 
 def _crossed_efforts(fit: JudgedJoint) -> tuple[np.ndarray, np.ndarray, list[int]] | None:
-    """Return effort and cross-validated residual of the fitted recordings, (m,), and their lengths; None if unknown.
-
-    The residuals are of the pieces that were fitted, of which a long recording has several.
-    """
+    """Return effort and cross-validated residual of the fitted recordings; see `_joined`."""
     family = fit.families[fit.best]
-    efforts = [p.effort for p in family.predictions if p.split == "fitted"]
-    if not family.crossed or not efforts:
+    return _joined([p for p in family.predictions if p.split == "fitted"], family.crossed)
+
+
+def _joined(
+    parts: Sequence[Prediction], residuals: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, list[int]] | None:
+    """Return effort and residual of all `parts`, (m,), and the parts' lengths; None if the rows do not match.
+
+    `residuals` may be of pieces: a long recording is fitted in several.
+    """
+    if not parts or not residuals:
         return None
-    effort, residual = np.concatenate(efforts), np.concatenate(family.crossed)
+    effort, residual = np.concatenate([p.effort for p in parts]), np.concatenate(residuals)
     if len(effort) != len(residual) or not np.any(effort):
         return None
-    return effort, residual, [len(each) for each in efforts]
+    return effort, residual, [len(p.effort) for p in parts]
 
 
 def _constant_text(fit: JudgedJoint, effort: str) -> str:
