@@ -432,6 +432,11 @@ def remember_last_call(function: Callable[[np.ndarray], tuple]) -> Callable[[np.
     return remembered
 
 
+def some_columns(columns: np.ndarray, some: np.ndarray) -> np.ndarray:
+    """Return the columns of (m, p) that a mask, (p,), selects; the array itself if these are all."""
+    return columns if some.all() else columns[:, some]
+
+
 def column_norms(columns: np.ndarray) -> np.ndarray:
     """Return the norm of each of `columns`, (m, p), shape (p,), as `numpy.linalg.norm` gives it.
 

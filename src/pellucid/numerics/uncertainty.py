@@ -43,7 +43,7 @@ import numpy as np
 
 from ..models.estimates import Whiteness
 from .distributions import chi_square_tail
-from .regression import column_norms
+from .regression import column_norms, some_columns
 
 
 @dataclass(frozen=True)
@@ -216,8 +216,8 @@ def sandwich_covariance(
     """
     p = jacobian.shape[1]
     free = np.ones(p, bool) if free is None else free
-    w = _some_columns(jacobian, free)
-    z = w if instruments is None else _some_columns(instruments, free)
+    w = some_columns(jacobian, free)
+    z = w if instruments is None else some_columns(instruments, free)
     scale = column_norms(w)
     bread = _inverse(z, w, scale)
     if bread is None:
@@ -229,11 +229,6 @@ def sandwich_covariance(
     covariance = np.zeros((p, p))
     covariance[np.ix_(free, free)] = correction * (bread @ meat @ bread.T) / np.outer(scale, scale)
     return covariance
-
-
-def _some_columns(columns: np.ndarray, some: np.ndarray) -> np.ndarray:
-    """Return the columns of (m, p) that a mask, (p,), selects; the array itself if these are all."""
-    return columns if some.all() else columns[:, some]
 
 
 def _inverse(left: np.ndarray, right: np.ndarray, scale: np.ndarray) -> np.ndarray | None:

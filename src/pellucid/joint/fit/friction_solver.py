@@ -26,6 +26,7 @@ from ...numerics.regression import (
     robust_weights,
     snap_to_bounds,
     solve,
+    some_columns,
     triangular_factor,
 )
 from ...numerics.searches.scalar_search import minimise_on_interval
@@ -222,7 +223,7 @@ def _gauss_newton_steps(model: JointModel, data: Stack[Motion], values: np.ndarr
         # A Stribeck velocity without a Stribeck level has no effect at all.
         norms = column_norms(jacobian)
         free = norms > 1e-12 * norms.max()
-        triangle = triangular_factor(jacobian if free.all() else jacobian[:, free], residual)
+        triangle = triangular_factor(some_columns(jacobian, free), residual)
         require_full_rank([n for n, f in zip(model.names, free, strict=True) if f], triangle[:, :-1], model.label)
         low, high = lower.copy(), upper.copy()
         if model.shape_index is not None:

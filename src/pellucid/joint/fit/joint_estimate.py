@@ -27,6 +27,7 @@ from ...numerics.regression import (
     make_parameters,
     predict_efforts,
     regression_rows,
+    some_columns,
     triangular_factor,
 )
 from ...numerics.sampled import sampled
@@ -307,7 +308,7 @@ def make_estimate(
     if method == "ls":
         boot = np.full((len(free), 2), np.nan)
         boot[free] = block_bootstrap(
-            w if free.all() else w[:, free],
+            some_columns(w, free),
             rho,
             found.values[free],
             lengths,

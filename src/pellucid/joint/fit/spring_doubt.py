@@ -22,7 +22,7 @@ import numpy as np
 from ...models.joint import PARALLEL_STIFFNESS, JointModel
 from ...numerics.distributions import normal_share_below
 from ...numerics.motion import Motion
-from ...numerics.regression import Solution, Stack, triangular_factor
+from ...numerics.regression import Solution, Stack, some_columns, triangular_factor
 from .discrepancy import States
 from .left_out_stretches import LeftOutStretches
 
@@ -84,7 +84,7 @@ def find_spring_doubt(model: JointModel, data: Stack[Motion], found: Solution, s
     if has_spring:
         free[names.index(PARALLEL_STIFFNESS)] = False
     slope = np.zeros(len(names))
-    factor = triangular_factor(found.jacobian if free.all() else found.jacobian[:, free], states.position)
+    factor = triangular_factor(some_columns(found.jacobian, free), states.position)
     slope[free] = -np.linalg.lstsq(factor[:, :-1], factor[:, -1], rcond=None)[0]
     if has_spring:
         slope[names.index(PARALLEL_STIFFNESS)] = 1.0
