@@ -410,6 +410,15 @@ def test_dead_channels_beside_sound_ones_lead_to_a_study_of_the_others(tmp_path)
     )
 
 
+def test_a_step_names_the_file_of_a_fault_whatever_the_file_is_called(tmp_path):
+    """A file named "all motions.csv" read as all files."""
+    log = clean_log()
+    sound = written(tmp_path, log, "other.csv")
+    log["velocity [rad/s]"] = 0.0 * log["velocity [rad/s]"]
+    found = pl.audit([written(tmp_path, log, "all motions.csv"), sound])
+    assert "velocity [rad/s] in all motions.csv (dead)" in found.answer.next[0].text
+
+
 def test_unsound_channels_are_grouped_by_fault_and_file(tmp_path):
     """A fault of one file read as one of all files, and exchanged channels had no partner."""
     rng, paths = np.random.default_rng(7), []

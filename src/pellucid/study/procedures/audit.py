@@ -165,6 +165,7 @@ class _AlarmGroup:
     where: str
     channels: tuple[str, ...]
     is_pair: bool  # Whether they have each other's signal
+    is_everywhere: bool  # Whether all files that have them show it
 
     @property
     def words(self) -> str:
@@ -175,7 +176,7 @@ class _AlarmGroup:
     @property
     def placed(self) -> str:
         """The channels with the files, if these are not all."""
-        return ", ".join(self.channels) + ("" if self.where.startswith("in all ") else f" {self.where}")
+        return ", ".join(self.channels) + ("" if self.is_everywhere else f" {self.where}")
 
 
 @dataclass(frozen=True)
@@ -288,7 +289,7 @@ class Audit:
 
         With `is_gravest`, those of each channel's verdict alone.
         """
-        made: dict[tuple[object, ...], list[str]] = {}
+        made: dict[tuple[str, str, frozenset[str], bool], list[str]] = {}
         for verdict in self.alarms:
             having: dict[tuple[str, str], list[str]] = {}
             for name, finding in verdict.alarms_by_file.items():
@@ -296,12 +297,15 @@ class Audit:
                 if word == verdict.verdict or not is_gravest:
                     having.setdefault((word, visible_text(finding.partner)), []).append(name)
             for (word, partner), names in having.items():
-                where = _where(names, verdict.files)
-                if len(names) == len(verdict.files):
+                where, is_everywhere = _where(names, verdict.files), len(names) == len(verdict.files)
+                if is_everywhere:
                     where = IN_ALL_FILES if len(names) == len(self.files) else f"{where} with it"
                 pair = frozenset((verdict.channel, partner) if partner else ())
-                made.setdefault((word, where, pair), []).append(verdict.channel)
-        return [_AlarmGroup(word, where, tuple(channels), bool(pair)) for (word, where, pair), channels in made.items()]
+                made.setdefault((word, where, pair, is_everywhere), []).append(verdict.channel)
+        return [
+            _AlarmGroup(word, where, tuple(channels), bool(pair), is_everywhere)
+            for (word, where, pair, is_everywhere), channels in made.items()
+        ]
 
     @property
     def _excluded(self) -> tuple[str, ...]:
