@@ -286,7 +286,7 @@ def test_a_bound_that_the_interval_covers_is_said_to_be_uncertain():
     unscaled = with_assumed(answer, (Assumption("units", "rad", is_scale=True),))
     assert unscaled.badge == "Yes (uncertain, scale not confirmed)"
     assert [step.text for step in answer.next if step.name == "export"] == [
-        "Export a controller once the interval ends within the bound"
+        "Export a controller once the confidence interval of the error ends at or below 20 %"
     ]
     answer = replace(fit, error_interval=(14.0, 19.0)).answer
     assert "just within" not in answer.sentence

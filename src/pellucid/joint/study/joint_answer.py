@@ -90,7 +90,9 @@ HOLD_OUT_STEP = Step('Hold out some recordings (write `use = "validate"` in stud
 CONTROLLER_STEP = Step("Export a controller, because the model predicts the joint", "export")
 """Next step with a model that predicts."""
 
-LATER_STEP = Step("Export a controller once the interval ends within the bound", "export")
+LATER_STEP = Step(
+    f"Export a controller once the confidence interval of the error ends at or below {MAX_GOOD_ERROR:g} %", "export"
+)
 """Next step with a model that may not predict, by the interval of its error."""
 
 UNCERTAIN = "uncertain"

@@ -38,7 +38,7 @@ def slider_answer(fit: SliderFit) -> Answer:
     )
     reason = "no trial was held out" if not is_held else ""
     if is_held and not holds:
-        reason = f"the body's error is {more}, and {percent:.3g} % are allowed"
+        reason = f"the body's error is {more}, and at most {percent:.3g} % is allowed"
     recordings = len(fit.motions)
     return Answer(
         "Does one rigid body predict the current as well as separate parameters for each direction, with an error at "
