@@ -391,7 +391,7 @@ def test_an_audit_names_alike_channels_in_one_step_and_asks_for_a_rate(tmp_path)
     steps = pl.audit(path).answer.following
     assert steps == (
         "Give the rate of files without a column of time by `--rate HZ`.",
-        "Record or compute again what should change: angle [rad], torque_meas [N*m] (dead).",
+        "Record or compute again the channels that never change: angle [rad], torque_meas [N*m] (dead).",
         f"Then audit changed files again: `pellucid audit {path}`.",
     )
 
@@ -404,8 +404,8 @@ def test_dead_channels_beside_sound_ones_lead_to_a_study_of_the_others(tmp_path)
     found = pl.audit(paths)
     assert found.headline == "1 of 6 channels is unsound: velocity [rad/s] (dead: in all files)."
     assert found.answer.following == (
-        "Record or compute again what should change: velocity [rad/s] (dead).",
-        "Or use the other 5 channels (`init` leaves out those that never change): "
+        "Record or compute again the channels that never change: velocity [rad/s] (dead).",
+        "Or use the other 5 channels (`init` excludes those that never change): "
         f"`pellucid init my-study --from {paths[0]} {paths[1]}`.",
     )
 

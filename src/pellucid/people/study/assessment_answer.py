@@ -153,7 +153,7 @@ def _order_step(found: AssessmentResult) -> tuple[Step, ...]:
         return ()
     return (Step(
         "State in which order each person had the conditions (`period` of each recording in study.toml): until then, "
-        "practice or fatigue may be the change"
+        "practice or fatigue may be the cause of a change"
     ),)  # fmt: skip
 
 
@@ -217,8 +217,8 @@ def _people_text(found: AssessmentResult, needed: int | None, now: int) -> str:
             "transparent"
         )
     return (
-        f"it may change movement, because {needed} people show a robot that changes nothing. Change the controller, or "
-        f"{more_movements}"
+        f"it may change movement: with {needed} people, 9 of 10 studies of a robot that changes nothing show it "
+        f"transparent. Change the controller, or {more_movements}"
     )
 
 

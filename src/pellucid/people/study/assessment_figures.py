@@ -323,8 +323,9 @@ def certificate_figure(certified: Sequence[Certified]) -> Drawing:
         "certificate",
         figure,
         f"Changes from control, divided by their margins (shaded). The interval is of {level}, because an equivalence "
-        f"test is two one-sided tests at {100.0 * alpha:g} % each. The number of people far beyond decides where it is "
-        f"given. Carry-over and losses may decide too. Lines are cut beyond {MAX_DRAWN_MARGINS:g} margins.",
+        f"test is two one-sided tests at {100.0 * alpha:g} % each. Where a label gives a number of people far "
+        "beyond the margin, this number decides, and not the interval. Carry-over and losses may decide too. Lines are "
+        f"cut beyond {MAX_DRAWN_MARGINS:g} margins.",
     )
 
 

@@ -57,7 +57,7 @@ CORRECTIONS = {
     VERDICT_WORDS["unit"]: "Correct the unit of {channels}",
     VERDICT_WORDS["envelope"]: ENVELOPE_CORRECTION,
     VERDICT_WORDS["exchanged"]: "Exchange the names {channels}",
-    VERDICT_WORDS[constant.KIND]: "Record or compute again what should change: {channels} (dead)",
+    VERDICT_WORDS[constant.KIND]: "Record or compute again the channels that never change: {channels} (dead)",
     VERDICT_WORDS["impossible"]: "Correct the unit of {channels}, or record again without the impossible values",
     VERDICT_WORDS[held.KIND]: "Log {channels} with a clock of its own, or exclude it from the study (another clock)",
     VERDICT_WORDS[echoed.KIND]: "Record the measured values, or exclude from the study: {channels} (echoed)",
@@ -351,7 +351,7 @@ class Audit:
         dead = VERDICT_WORDS[constant.KIND]
         is_left_out = all(v.verdict == dead and not v.holds.startswith("emg") for v in self.alarms)
         if is_left_out and others and not unread and not is_motion_alone and not self.is_of_studies:
-            use = f"Or use the other {others} channels (`init` leaves out those that never change)"
+            use = f"Or use the other {others} channels (`init` excludes those that never change)"
             return (*steps, Step(use, line=start))
         again = printed_command(self.command, *self.paths, *self.options)
         return (*steps, Step("Then audit changed files again", line=again))

@@ -530,7 +530,7 @@ def report(
     return write_report(study, result, only_kept=only_kept, with_pdf=with_pdf, on_progress=on_progress).page
 
 
-LACKING_REASON = "not run yet, or by another version or with other settings or recordings"
+LACKING_REASON = "not run yet, or run by another version, with other settings or on other recordings"
 """Why a page lacks an analysis that study.toml asks for."""
 
 
