@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import pellucid as pl
+from pellucid.joint.study.spring_recordings import spring_page
 
 STIFFNESS, DAMPING, HYSTERESIS, INERTIA, GAIN = 170.0, 0.6, 0.25, 0.004, 2.0  # SI; of the study's drive [N*m/A]
 PROTOCOL = ('protocol = "multisine"', 'protocol = "locked_spring"')
@@ -56,6 +57,11 @@ def test_stiffness_damping_and_hysteresis_of_a_locked_spring(spring):
     assert found.headline.startswith("a spring of 1")
     assert [v.kind for v in found.verdicts] == ["good"]
     assert [row.split for row in found.rows if ".effort_error." in row.id] == ["fitted", "heldout"]
+    # The drive's current was recorded, so that its torque is not a measured one.
+    loop = spring_page(study, found).figure
+    assert loop is not None
+    assert "(held out): computed (black" in loop.caption
+    assert "measured" not in loop.caption + loop.svg
 
 
 def test_a_spring_that_hardens_is_said_to(spring):

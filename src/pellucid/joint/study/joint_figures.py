@@ -767,10 +767,11 @@ DRAWN_SAMPLE_COUNT = 2000
 """Largest number of drawn samples: the first of a recording, so that its loops stay whole."""
 
 
-def spring_loop(trace: SpringTrace, unit: str, effort_label: str) -> Drawing:
+def spring_loop(trace: SpringTrace, unit: str, effort_label: str, recorded: str) -> Drawing:
     """Draw the effort of one recording over its deflection, measured and as the spring predicts it.
 
-    `unit` is that of the deflection, "rad" or "m", which is drawn in degrees or millimetres.
+    `unit` is that of the deflection, "rad" or "m", which is drawn in degrees or millimetres. `recorded` is
+    the word for the recorded effort, such as "measured".
     """
     scale, shown = (float(np.degrees(1.0)), "deg") if unit == "rad" else (1e3, "mm")
     figure, axis = one_panel(3.4)
@@ -782,10 +783,10 @@ def spring_loop(trace: SpringTrace, unit: str, effort_label: str) -> Drawing:
     axis.set_xlabel(f"Deflection ({shown})")
     tidy(axis, first=True, text=effort_label)
     said = "held out" if trace.split == "heldout" else "fitted"
-    key(axis, [("measured", colour("measured")), (f"predicted (dashed), {said}", colour(trace.split))])
+    key(axis, [(recorded, colour("measured")), (f"predicted (dashed), {said}", colour(trace.split))])
     return Drawing(
         "spring-loop",
         figure,
-        f"Effort over deflection of {trace.recording} ({said}): measured (black; white on a dark page) and predicted "
-        "by the spring (dashed). The width of the loop comes from hysteresis and damping.",
+        f"Effort over deflection of {trace.recording} ({said}): {recorded} (black; white on a dark page) and "
+        "predicted by the spring (dashed). The width of the loop comes from hysteresis and damping.",
     )

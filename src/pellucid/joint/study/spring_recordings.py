@@ -14,7 +14,7 @@ from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import FigureTable, ParameterTable
 from ...study.procedures.study_page import figure_tables, parameter_tables, study_page
 from ...study.quality import inspect, require_sound
-from ...study.recorded_motions import drive_model, motions_of
+from ...study.recorded_motions import computed_effort, drive_model, motions_of, recorded_word
 from ...study.results import ResultRow
 from ...study.study import Study
 from ...study.study_file import JointTable
@@ -139,8 +139,12 @@ def spring_page(study: Study, found: SpringResult) -> Page:
 
     rig, stiffness = study.rig, found.fit.parameters[0]
     assert isinstance(rig, JointTable)  # the procedure is asked for one joint alone
-    label = f"Effort ({unit_text(drive_model(rig).effort_unit)})"
-    loop = draw(spring_loop, found.traces[-1], "rad" if rig.motion == "rotary" else "m", label)
+    effort_unit = drive_model(rig).effort_unit
+    recorded = recorded_word(
+        computed_effort([rig.drive.kind], effort_unit), is_simulated=bool(study.config.simulated)
+    )
+    label = f"Effort ({unit_text(effort_unit)})"
+    loop = draw(spring_loop, found.traces[-1], "rad" if rig.motion == "rotary" else "m", label, recorded)
     where = "beyond the gap" if found.fit.shape == "backlash" else "in the middle"
     tile = Tile("Stiffness", number(stiffness.value, stiffness.standard_error), unit_text(stiffness.unit), where)
     return study_page(
