@@ -68,12 +68,17 @@ template <class S> S coulomb_share(const GearFrictionCoefficients<S>& c, const S
   return select(c.swings, S(1) + c.swing * sin(c.wave_number * position), S(1));
 }
 
+/// exp(-80), as exp() has it.
+constexpr double smallest_rise = 1.804851387845415e-35;
+
 /// exp(-(v / v_s)^2): 1 at rest, nothing at speed [1]. From 1e-35 on it falls no further: no sum shows it, and the
 /// processor is many times slower where results fall below its normal numbers.
 template <class S> S rise(const GearFrictionCoefficients<S>& c, const S& velocity) noexcept {
   if (!c.any_rise) return S(0);
   const S ratio = c.friction.inverse_stribeck_velocity * velocity;
-  return exp(max(-(ratio * ratio), S(-80)));
+  const S exponent = -(ratio * ratio);
+  if (all(exponent <= S(-80))) return S(smallest_rise);  // mostly a joint moves much faster than v_s
+  return exp(max(exponent, S(-80)));
 }
 
 /// Level of dry friction in the direction s, under a load, `at` being rise(v), 1 at rest [N m]:

@@ -44,6 +44,7 @@ template <class S> struct JointCoefficients {
   FrictionCoefficients<S> friction{};  ///< friction of joint and drive
   S parallel_stiffness{};              ///< k [N m/rad]
   bool any_gravity = false;            ///< whether gravity can be other than 0, in some lane
+  bool any_gravity_cosine = false;     ///< whether gravity can be other than 0 at q = 0, in some lane
   bool any_parallel_stiffness = false;          ///< whether there is a spring beside the drive, in some lane
 };
 
@@ -57,16 +58,19 @@ template <class S> JointCoefficients<S> coefficients(const JointParams<S>& param
   c.friction = coefficients(params.friction);
   c.parallel_stiffness = params.parallel_stiffness;
   c.any_parallel_stiffness = !is_identically_zero(params.parallel_stiffness);
-  c.any_gravity = !(is_identically_zero(params.gravity_sine) && is_identically_zero(params.gravity_cosine));
+  c.any_gravity_cosine = !is_identically_zero(params.gravity_cosine);
+  c.any_gravity = c.any_gravity_cosine || !is_identically_zero(params.gravity_sine);
   return c;
 }
 
 /// Effort of the place alone: gravity's and the spring's, g_s sin q + g_c cos q + k q [N m].
 template <class S, class R> S gravity(const JointCoefficients<S>& c, const R& position) noexcept {
   S effort = S(0);
-  if (c.any_gravity) {
+  if (c.any_gravity_cosine) {
     const SinCos<R> at = sincos(position);
     effort = c.gravity_sine * at.sin + c.gravity_cosine * at.cos;
+  } else if (c.any_gravity) {
+    effort = c.gravity_sine * sin(position);
   }
   if (c.any_parallel_stiffness) effort = effort + c.parallel_stiffness * position;
   return effort;

@@ -2,6 +2,7 @@
 //
 // std::exp and its like differ between C libraries and do not vectorise, so the core has its own. Every function
 // is a template over real scalars: double, float and Lanes of them (lanes.hpp); Dual (dual.hpp) adds the chain rule.
+// Only the sine and cosine of one double branch, for speed, and give the same bits as without branches.
 // Polynomials are minimax, found with the Remez exchange in 50-digit arithmetic. The errors stated here, in units in
 // the last place (ulp), are measured by tests/core/math_test.cpp against long double over the whole range.
 #pragma once
@@ -250,42 +251,89 @@ template <class S> struct SinCos {
   S cos;  ///< cosine [1]
 };
 
-/// sin x and cos x, x [rad]. Error below 1.1 ulp while |x| < 4.2e8 (double) or 1.2e4 (float); NaN beyond, where one
-/// unit in the last place of x is already a visible angle, and for infinities.
-template <class S, if_real<S> = 0> SinCos<S> sincos(S x) noexcept {
-  using T = value_t<S>;
-  using F = detail::Format<T>;
-  using B = bits_t<S>;
-  const S quarter = x * S(0.6366197723675814) + S(F::rounder);
+namespace detail {
+
+/// An angle as quarter turns and what is left: x = n pi/2 + r + rest, |r| <= pi/4.
+template <class S> struct QuarterTurns {
+  S n;              ///< a whole number
+  bits_t<S> turns;  ///< its lowest two bits are those of n
+  S r, rest;        ///< [rad]
+};
+
+/// Split an angle, given its nearest number of quarter turns, plus Format::rounder.
+template <class S> QuarterTurns<S> quarter_turns(S x, S quarter) noexcept {
+  using F = Format<value_t<S>>;
   const S n = quarter - S(F::rounder);
-  // x - n pi/2 = r + rest: the first two differences are exact, the third one's rounding error is kept in the rest.
+  // The first two differences are exact, the third one's rounding error is kept in the rest.
   const S r2 = (x - n * S(F::half_pi[0])) - n * S(F::half_pi[1]);
   const S p3 = n * S(F::half_pi[2]);
   const S r = r2 - p3;
   const S back = r - r2;
   const S error = (r2 - (r - back)) - (p3 + back);
-  const S rest = (error - n * S(F::half_pi[3])) - n * S(F::half_pi[4]);
+  return {n, bits_of(quarter), r, (error - n * S(F::half_pi[3])) - n * S(F::half_pi[4])};
+}
 
-  const S z = r * r;
-  const S sine = r + ((r * z) * detail::polynomial(z, F::sin) + rest);
+/// sin(r + rest).
+template <class S> S sine_of_rest(const QuarterTurns<S>& x) noexcept {
+  const S z = x.r * x.r;
+  return x.r + ((x.r * z) * polynomial(z, Format<value_t<S>>::sin) + x.rest);
+}
+/// cos(r + rest).
+template <class S> S cosine_of_rest(const QuarterTurns<S>& x) noexcept {
+  const S z = x.r * x.r;
   const S half = S(0.5) * z;
   const S top = S(1) - half;
-  const S cosine = top + (((S(1) - top) - half) + ((z * z) * detail::polynomial(z, F::cos) - r * rest));
-
-  const B turns = bits_of(quarter);  // its lowest two bits count quarter turns
-  const mask_t<S> odd = (turns & B(1)) != B(0);
-  constexpr int to_sign = int(sizeof(T)) * 8 - 2;
-  const S s = select(odd, cosine, sine);
-  const S c = select(odd, sine, cosine);
-  const B sign_s = (turns & B(2)) << to_sign;
-  const B sign_c = ((turns + B(1)) & B(2)) << to_sign;
-  const mask_t<S> in_range = abs(n) <= S(F::quarter_turns);
-  const S nan = S(std::numeric_limits<T>::quiet_NaN());
-  return {select(in_range, from_bits<S>(bits_of(s) ^ sign_s), nan),
-          select(in_range, from_bits<S>(bits_of(c) ^ sign_c), nan)};
+  return top + (((S(1) - top) - half) + ((z * z) * polynomial(z, Format<value_t<S>>::cos) - x.r * x.rest));
 }
-template <class S, if_real<S> = 0> S sin(S x) noexcept { return sincos(x).sin; }
-template <class S, if_real<S> = 0> S cos(S x) noexcept { return sincos(x).cos; }
+
+/// The sine of x shifted by a number of quarter turns (0: sine, 1: cosine), given sin(r + rest) or cos(r + rest).
+template <class S> S signed_quarter(const QuarterTurns<S>& x, int shift, S magnitude) noexcept {
+  using T = value_t<S>;
+  using B = bits_t<S>;
+  constexpr int to_sign = int(sizeof(T)) * 8 - 2;
+  const B sign = ((x.turns + B(static_cast<bits_t<T>>(shift))) & B(2)) << to_sign;
+  return select(abs(x.n) <= S(Format<T>::quarter_turns), from_bits<S>(bits_of(magnitude) ^ sign),
+                S(std::numeric_limits<T>::quiet_NaN()));
+}
+
+/// then(x in quarter turns). For one double it branches on the quadrants of a joint's angles, which a processor
+/// predicts, so that a simulation does not wait for their count. The bits are equal.
+template <class S, class Then> auto with_quarter_turns(S x, Then then) noexcept {
+  using F = Format<value_t<S>>;
+  if constexpr (std::is_same<S, double>::value) {
+    if (x > -0.785 && x < 0.785) return then(quarter_turns(x, F::rounder));
+    if (x > 0.786 && x < 2.356) return then(quarter_turns(x, F::rounder + 1.0));
+    if (x < -0.786 && x > -2.356) return then(quarter_turns(x, F::rounder - 1.0));
+  }
+  return then(quarter_turns(x, x * S(0.6366197723675814) + S(F::rounder)));
+}
+
+/// sin (shift 0) or cos (shift 1) alone: one double computes one of the two polynomials.
+template <class S> S sine_shifted(S x, int shift) noexcept {
+  return with_quarter_turns(x, [shift](const QuarterTurns<S>& at) noexcept {
+    const bits_t<S> turns = at.turns + bits_t<S>(static_cast<bits_t<value_t<S>>>(shift));
+    const mask_t<S> swapped = (turns & bits_t<S>(1)) != bits_t<S>(0);
+    if constexpr (std::is_same<S, double>::value)
+      return signed_quarter(at, shift, swapped ? cosine_of_rest(at) : sine_of_rest(at));
+    else
+      return signed_quarter(at, shift, select(swapped, cosine_of_rest(at), sine_of_rest(at)));
+  });
+}
+
+}  // namespace detail
+
+/// sin x and cos x, x [rad]. Error below 1.1 ulp while |x| < 4.2e8 (double) or 1.2e4 (float); NaN beyond, where one
+/// unit in the last place of x is already a visible angle, and for infinities.
+template <class S, if_real<S> = 0> SinCos<S> sincos(S x) noexcept {
+  return detail::with_quarter_turns(x, [](const detail::QuarterTurns<S>& at) noexcept {
+    const S sine = detail::sine_of_rest(at), cosine = detail::cosine_of_rest(at);
+    const mask_t<S> odd = (at.turns & bits_t<S>(1)) != bits_t<S>(0);
+    return SinCos<S>{detail::signed_quarter(at, 0, select(odd, cosine, sine)),
+                     detail::signed_quarter(at, 1, select(odd, sine, cosine))};
+  });
+}
+template <class S, if_real<S> = 0> S sin(S x) noexcept { return detail::sine_shifted(x, 0); }
+template <class S, if_real<S> = 0> S cos(S x) noexcept { return detail::sine_shifted(x, 1); }
 
 }  // namespace PELLUCID_ABI
 }  // namespace pellucid
