@@ -10,11 +10,15 @@ import argparse
 import os
 import traceback
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ._size import choose_smallest
+from ._size import choose_smallest, is_smallest
+
+NOT_MEASURED = "not measured"
+"""First words of the reason for which a file was skipped, since a data set is missing."""
 
 
 def names_in(folder: Path) -> list[str]:
@@ -72,18 +76,40 @@ def check_one_thread(benchmark: str) -> None:
         raise RuntimeError(f"{benchmark}: found libraries with several threads, expected one each: {found}")
 
 
-def run_all(package: str, names: list[str], rows_of: Callable[[Any], Any]) -> tuple[list, list[str]]:
-    """Return the rows of every named module of a package, and the names of those that failed."""
+def run_all(
+    package: str, names: list[str], rows_of: Callable[[Any], Any], executor: Executor | None = None
+) -> tuple[list, list[str]]:
+    """Return the rows of every named module of a package, and the names of those that failed.
+
+    They run one after another, or all on the workers of an `executor`, which import this package and see its folder.
+    """
+    jobs = [(package, name, rows_of, is_smallest()) for name in names]
+    if executor is None:
+        found = (rows_of_one(*job) for job in jobs)
+    else:
+        begun = [executor.submit(rows_of_one, *job) for job in jobs]
+        found = (each.result() for each in begun)
+    rows, failed = [], []
+    for name, (made, why) in zip(names, found, strict=True):
+        rows += made
+        if why:
+            print(f"{name}: {why}", flush=True)
+            failed += [name] * (not why.startswith(NOT_MEASURED))
+    return rows, failed
+
+
+def rows_of_one(package: str, name: str, rows_of: Callable[[Any], Any], smallest: bool) -> tuple[list, str]:
+    """Return the rows of one module of a package, and why there are not more: empty, or the text of an error."""
     from pellucid._errors import DatasetError
 
-    rows, failed = [], []
-    for name in names:
-        try:
-            for row in rows_of(import_module(f"research.{package}.{name}")):
-                rows.append(row)  # what came before a failure is kept
-        except DatasetError as error:
-            print(f"{name}: not measured: {error}", flush=True)
-        except Exception:
-            traceback.print_exc()
-            failed.append(name)
-    return rows, failed
+    if smallest:
+        choose_smallest()
+    rows = []
+    try:
+        for row in rows_of(import_module(f"research.{package}.{name}")):
+            rows.append(row)  # what came before a failure is kept
+    except DatasetError as error:
+        return rows, f"{NOT_MEASURED}: {error}"
+    except Exception:
+        return rows, traceback.format_exc()
+    return rows, ""

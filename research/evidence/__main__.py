@@ -4,7 +4,9 @@ A proof is a file of this folder named after what it shows, with `rows()`, which
 "evidence".
 """
 
+import argparse
 import sys
+from operator import methodcaller
 from pathlib import Path
 
 from research.benchmarks._runner import names_in, read_arguments, run_all
@@ -13,9 +15,15 @@ NAMES = names_in(Path(__file__).parent)
 
 
 def main() -> None:
-    names, out = read_arguments("evidence", NAMES, "evidence.json")
-    rows, failed = run_all("evidence", names, lambda module: module.rows())
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run a proof each")
+    others, arguments = parser.parse_known_args()
+    names, out = read_arguments("evidence", NAMES, "evidence.json", arguments, [parser])
+    from pellucid.people.design_columns import cluster
     from pellucid.study.results import write_rows
+
+    with cluster(others.scheduler) as executor:
+        rows, failed = run_all("evidence", names, methodcaller("rows"), executor)
 
     width = max((len(row.id) for row in rows), default=0)
     for row in rows:

@@ -50,6 +50,25 @@ def with_one_blas_thread(function: Callable[Parameters, Returned]) -> Callable[P
     return on_one_thread
 
 
+class InlineExecutor:
+    """Executor that runs each task at once, in the calling process; for tasks that already run on a worker."""
+
+    def submit(self, function: Callable, *arguments: Any) -> Future:
+        """Run the function and return a future that is done."""
+        outcome: Future = Future()
+        outcome.set_result(function(*arguments))
+        return outcome
+
+
+def worker_count(workers: int | None = None) -> int:
+    """Return the number of processes for `workers` asked for, or for every processor; 1 in a helper process.
+
+    A helper process starts no helpers of its own: its siblings already use the other processors, and a cluster's worker
+    may not have children.
+    """
+    return 1 if parent_process() else workers or os.cpu_count() or 1
+
+
 def finished_results(
     jobs: Sequence[Job], workers: int | None = None, executor: Executor | None = None
 ) -> Iterator[tuple[int, Any]]:
@@ -57,7 +76,7 @@ def finished_results(
 
     An `executor`, such as a cluster's, replaces the processes of this machine.
     """
-    workers = workers or os.cpu_count() or 1
+    workers = worker_count(workers)
     if workers <= 1 and executor is None:
         for i, (make, *arguments) in enumerate(jobs):
             yield i, make(*arguments)
@@ -82,8 +101,7 @@ def results_with_helpers(
     """
     from threadpoolctl import threadpool_limits
 
-    # A helper process does not start helpers of its own.
-    workers = 1 if parent_process() else min(workers or os.cpu_count() or 1, len(jobs))
+    workers = min(worker_count(workers), len(jobs))
     left: Iterator[tuple[int, Job]] = iter(enumerate(jobs))
     found: dict[int, Any] = {}
     turn = Lock()

@@ -8,14 +8,20 @@ import os
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import parent_process
+from operator import methodcaller
+from threading import current_thread
+from types import SimpleNamespace
 
 import pytest
+from research.benchmarks import _runner
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import pellucid as pl
 from pellucid import _processes
+from pellucid._errors import DatasetError
 from pellucid._processes import THREAD_VARIABLES, keep_helpers, results_with_helpers, with_one_blas_thread
 from pellucid_lab import processes
 from pellucid_lab.processes import job_part, ordered_results, shared_results, tell_job_share
@@ -68,6 +74,44 @@ def test_jobs_tell_their_shares_while_they_last(workers, monkeypatch):
         shared_results([(operator.truediv, 1, i) for i in (1, 0, 1)], workers, lambda done, share: None, [1.0] * 3)
     # Outside such jobs nobody listens.
     assert work_in_parts(1, 0.0) == 1
+
+
+def test_jobs_run_on_the_executor_that_is_given():
+    threads, told = [], []
+    with ThreadPoolExecutor(1, thread_name_prefix="given") as executor:
+        jobs = [(lambda i: threads.append(current_thread().name) or i, i) for i in range(3)]
+        made = shared_results(jobs, None, lambda done, share: told.append((done, share)), [1.0, 2.0, 1.0], executor)
+    assert made == [0, 1, 2]
+    assert threads == ["given_0"] * 3
+    assert told[-1] == (3, pytest.approx(1.0))
+
+
+def nested_processes():
+    """Return which processes run jobs of a job."""
+    return {os.getpid(), *ordered_results([(os.getpid,)] * 4, 2)}
+
+
+def test_a_helper_starts_no_helpers():
+    assert all(len(found) == 1 for found in ordered_results([(nested_processes,)] * 2, 2))
+
+
+@pytest.mark.parametrize("executor", [None, "given"])
+def test_proofs_run_here_or_on_an_executor(executor, monkeypatch, capsys):
+    modules = {
+        "research.evidence.whole": lambda: iter([1, 2]),
+        "research.evidence.broken": lambda: (1 // (2 - i) for i in range(4)),
+        "research.evidence.absent": lambda: (_ for _ in ()).throw(DatasetError("no folder: found none")),
+    }
+    monkeypatch.setattr(_runner, "import_module", lambda name: SimpleNamespace(rows=modules[name]))
+    names = [name.split(".")[-1] for name in modules]
+    with ThreadPoolExecutor(2) as given:
+        rows, failed = _runner.run_all("evidence", names, methodcaller("rows"), executor and given)
+    assert rows == [1, 2, 0, 1]
+    assert failed == ["broken"]
+    said = capsys.readouterr().out
+    assert "broken: Traceback" in said
+    assert "ZeroDivisionError" in said
+    assert "absent: not measured: no folder: found none" in said
 
 
 def test_kept_helpers_are_begun_once(monkeypatch):

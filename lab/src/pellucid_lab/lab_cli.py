@@ -163,18 +163,22 @@ def rank(
     sealed: Annotated[
         bool, typer.Option("--sealed", help="Draw the seed after the laws were read, so that none was tuned on it.")
     ] = False,
+    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the page.")] = Path("ranking"),
 ) -> None:
     """Rank every controller, and laws of your own, on one page.
 
     The page ranks controllers of the elbow, the knee and an arm; your own laws are ranked with them.
     """
+    from pellucid.people.design_columns import cluster
+
     from .ranking.foreign_law import why_stopped
     from .ranking.rank import rank as run
     from .ranking.strategies import controller_words
 
-    with show_progress() as tell:
-        made = run(out, pairs=pairs, seed=None if sealed else seed, laws=law or (), on_progress=tell)
+    with cluster(scheduler) as executor, show_progress() as tell:
+        seed_asked = None if sealed else seed
+        made = run(out, pairs=pairs, seed=seed_asked, laws=law or (), executor=executor, on_progress=tell)
     console, answer = make_console(), made.answer
     print_answer(console, answer)
     for task in made.tasks:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import operator
-import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
@@ -13,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from pellucid._processes import Job, finished_results, processes
+from pellucid._processes import Job, finished_results, processes, worker_count
 
 SHARE_INTERVAL_S = 1.0
 """Time after which the shares that jobs tell are read again [s]."""
@@ -60,15 +59,21 @@ def ordered_results(
 
 
 def shared_results(
-    jobs: Sequence[Job], workers: int | None, tell: Callable[[int, float], None], weights: Sequence[float]
+    jobs: Sequence[Job],
+    workers: int | None,
+    tell: Callable[[int, float], None],
+    weights: Sequence[float],
+    executor: Executor | None = None,
 ) -> list:
     """Run `jobs` as `ordered_results` does, and tell every `SHARE_INTERVAL_S` how much of all of them is done.
 
     `tell` is called with the number of finished jobs and the share of all work. Jobs tell their own shares by
-    `tell_job_share`; `weights` are their expected times, in any unit.
+    `tell_job_share`, except to an `executor`; `weights` are their expected times, in any unit.
     """
-    workers = workers or os.cpu_count() or 1
+    workers = worker_count(workers)
     whole = sum(weights)
+    if executor is not None:
+        return _results_told([executor.submit(*job) for job in jobs], [0.0] * len(jobs), weights, tell)
     if workers <= 1:
         found, before = [], 0.0
         for i, ((make, *arguments), weight) in enumerate(zip(jobs, weights, strict=True)):
@@ -81,15 +86,21 @@ def shared_results(
             tell(i + 1, before / whole)
         return found
     with _shared_numbers(len(jobs)) as (path, shares), processes(workers, _take_shares, path) as pool:
-        begun = [pool.submit(_run_sharing, i, *job) for i, job in enumerate(jobs)]
-        left = set(begun)
-        while left:
-            done, left = wait(left, timeout=SHARE_INTERVAL_S, return_when=FIRST_COMPLETED)
-            for each in done:
-                each.result()
-            parts = (w * (1.0 if job.done() else s) for w, s, job in zip(weights, shares, begun, strict=True))
-            tell(len(jobs) - len(left), min(sum(parts) / whole, 1.0))
-        return [each.result() for each in begun]
+        return _results_told([pool.submit(_run_sharing, i, *job) for i, job in enumerate(jobs)], shares, weights, tell)
+
+
+def _results_told(
+    begun: Sequence[Future], shares: Sequence[float], weights: Sequence[float], tell: Callable[[int, float], None]
+) -> list:
+    """Return the results of the jobs that were `begun`, and tell how much of them is done, by their `shares` too."""
+    left = set(begun)
+    while left:
+        done, left = wait(left, timeout=SHARE_INTERVAL_S, return_when=FIRST_COMPLETED)
+        for each in done:
+            each.result()
+        parts = (w * (1.0 if job.done() else s) for w, s, job in zip(weights, shares, begun, strict=True))
+        tell(len(begun) - len(left), min(sum(parts) / sum(weights), 1.0))
+    return [each.result() for each in begun]
 
 
 def _tell_share(tell: Callable[[int, float], None], done: int, before: float, weight: float, share: float) -> None:

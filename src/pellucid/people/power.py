@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
 from contextlib import nullcontext
 from dataclasses import dataclass
 from numbers import Integral
@@ -29,7 +28,7 @@ import numpy as np
 from scipy import stats
 
 from .._errors import PellucidError
-from .._processes import processes
+from .._processes import InlineExecutor, processes, worker_count
 from ..numerics.arguments import with_checked_arguments
 from ..numerics.tied_ranks import tied_ranks
 from ..units import parse_quantity
@@ -246,25 +245,15 @@ def _participants_for_effect(effect: float, comparisons: int, alpha: float, stud
     )  # fmt: skip
 
 
-class InlineExecutor:
-    """Executor that runs each task at once, in the calling process; for tasks that already run on a worker."""
-
-    def submit(self, function, *arguments):
-        """Run the function and return a future that is done."""
-        outcome: Future = Future()
-        outcome.set_result(function(*arguments))
-        return outcome
-
-
 def run_parts(
     function: Callable, arguments: list[tuple], executor: Any, size: int, on_done: Callable[[float], None] | None = None
 ) -> list:
     """Return the results of `function` for each of `arguments`, in order.
 
-    They run in this process if the `size` is small, otherwise in the `executor` or in worker processes. `on_done`
-    receives the share that is done after each.
+    They run in this process if the `size` is small or it is itself a worker, otherwise in the `executor` or in worker
+    processes. `on_done` receives the share that is done after each.
     """
-    if executor is None and size <= MAX_INLINE_DRAWS:
+    if executor is None and (size <= MAX_INLINE_DRAWS or worker_count() <= 1):
         executor = InlineExecutor()
     results = []
     with processes() if executor is None else nullcontext(executor) as used:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -76,6 +77,7 @@ def rank(
     seed: int | None = 1,
     laws: Sequence[str | Path] = (),
     workers: int | None = None,
+    executor: Executor | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> ControllerRanking:
     """Rank every controller on the elbow, on the knee and on an arm of four joints, and write the page.
@@ -97,6 +99,8 @@ def rank(
         that you do not trust.
     workers : int, optional
         Number of processes; by default one per processor.
+    executor : concurrent.futures.Executor, optional
+        Replaces the processes, for instance a cluster's whose workers see the files of the laws.
     on_progress : callable, optional
         Function that is called with a text and the share done, 0 to 1.
 
@@ -138,6 +142,7 @@ def rank(
         workers,
         lambda done, share: tell(f"{done} of {len(jobs)} pairs of a person and a robot", 0.95 * share),
         [JOB_WEIGHTS[make] * (SWAY_WEIGHT if make is knee_pair and sways[i] else 1.0) for make, i, *_ in jobs],
+        executor,
     )
     tell("counting instructions, comparing indices and writing the page", 0.95)
     tried = _with_cost([one for made in found for one in made], read)
