@@ -141,7 +141,7 @@ def spring_page(study: Study, found: SpringResult) -> Page:
     assert isinstance(rig, JointTable)  # the procedure is asked for one joint alone
     effort_unit = drive_model(rig).effort_unit
     recorded = recorded_word(
-        computed_effort([rig.drive.kind], effort_unit), is_simulated=bool(study.config.simulated)
+        computed_effort([rig.drive.kind] if rig.drive else [], effort_unit), is_simulated=bool(study.config.simulated)
     )
     label = f"Effort ({unit_text(effort_unit)})"
     loop = draw(spring_loop, found.traces[-1], "rad" if rig.motion == "rotary" else "m", label, recorded)
