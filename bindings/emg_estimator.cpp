@@ -47,8 +47,8 @@ period : float
     From one step to the next [s], > 0.
 patience : int
     Periods that what is silent keeps its last value.
-watch : (c, 5)
-    Consequence, usual error, square, product and square of the pattern of each channel; None: none is watched.
+watch : (c, 9)
+    Numbers of the core's WatchedChannelParams of each channel, in its order; None: none is watched.
 patterns : sequence of (k, 3)
     Weight and features of each channel's pattern, of angles alone; -1 is no feature.
 ranges : (a, 4)
@@ -56,7 +56,9 @@ ranges : (a, 4)
 forgetting, max_loss : float
     Share of a mean that a step replaces; share of the torque's variance at which a channel has changed.
 residual : float
-    Share of the torque's variance that the calibration leaves unexplained; 0: not known.)";
+    Share of the torque's variance that the calibration leaves unexplained; 0: not known.
+common : (2,)
+    Common scale of all channels below and above which no torque holds.)";
 
 constexpr const char* step_doc = R"(One period.
 
@@ -176,7 +178,7 @@ template <class S> class EmgEstimator {
                nb::sequence surfaces, nb::handle joints, nb::sequence terms, nb::handle lags, nb::handle motion,
                nb::handle before, nb::handle after, double gamma, double tendon_strain, double period,
                std::uint32_t patience, nb::handle watch, nb::sequence patterns, nb::handle ranges, double forgetting,
-               double max_loss, double residual)
+               double max_loss, double residual, nb::handle common)
       : own_(std::make_unique<Own>()) {
     auto made = std::make_unique<p::EmgEstimatorParams<S, Room>>();
     p::EmgEstimatorParams<S, Room>& params = *made;
@@ -250,7 +252,7 @@ template <class S> class EmgEstimator {
     params.patience = patience;
     if (!watch.is_none()) {
       const Array watched = read_array("watch", watch), range = read_array("ranges", ranges);
-      watched.expect(text({params.channels, 5}), {params.channels, 5});
+      watched.expect(text({params.channels, 9}), {params.channels, 9});
       range.expect(text({params.angles, 4}), {params.angles, 4});
       if (nb::len(patterns) != params.channels) throw nb::value_error("patterns: expected one for each channel");
       params.watch.on = true;
@@ -258,11 +260,16 @@ template <class S> class EmgEstimator {
       params.watch.max_loss = static_cast<S>(max_loss);
       params.watch.residual = static_cast<S>(residual);
       params.watch.period = params.period;
+      const Array scale = read_array("common", common);
+      scale.expect(text({2}), {2});
+      params.watch.common_low = static_cast<S>(scale.data[0]);
+      params.watch.common_high = static_cast<S>(scale.data[1]);
       own_->pattern.resize(params.channels);
       for (std::size_t i = 0; i < params.channels; ++i) {
-        const double* row = watched.data + 5 * i;
+        const double* row = watched.data + 9 * i;
         params.watch.channel[i] = {static_cast<S>(row[0]), static_cast<S>(row[1]), static_cast<S>(row[2]),
-                                   static_cast<S>(row[3]), static_cast<S>(row[4])};
+                                   static_cast<S>(row[3]), static_cast<S>(row[4]), static_cast<S>(row[5]),
+                                   static_cast<S>(row[6]), static_cast<S>(row[7]), static_cast<S>(row[8])};
         const Array term = read_array("patterns", patterns[i]);
         if (term.size() != 0 && (term.shape.size() != 2 || term.shape[1] != 3)) term.fail("(k, 3)");
         own_->pattern[i] = terms_of(term);
@@ -428,20 +435,20 @@ template <class S> void add_one(nb::module_& m, const char* name) {
   nb::class_<Class>(m, name, estimator_doc)
       .def(nb::init<nb::handle, long long, nb::handle, nb::handle, nb::handle, nb::sequence, nb::handle, nb::sequence,
                     nb::handle, nb::handle, nb::handle, nb::handle, double, double, double, std::uint32_t, nb::handle,
-                    nb::sequence, nb::handle, double, double, double>(),
+                    nb::sequence, nb::handle, double, double, double, nb::handle>(),
            nb::kw_only(), nb::arg("channels").none(), nb::arg("angles"), nb::arg("muscles").none(),
            nb::arg("shares").none(), nb::arg("axes").none(), nb::arg("surfaces"), nb::arg("joints").none(),
            nb::arg("terms"), nb::arg("lags").none(), nb::arg("motion").none(), nb::arg("before") = nb::none(),
            nb::arg("after") = nb::none(), nb::arg("gamma") = 23.4, nb::arg("tendon_strain") = 0.033, nb::arg("period"),
            nb::arg("patience"), nb::arg("watch") = nb::none(), nb::arg("patterns") = nb::tuple(),
            nb::arg("ranges") = nb::none(), nb::arg("forgetting") = 0.0, nb::arg("max_loss") = 0.0,
-           nb::arg("residual") = 0.0,
+           nb::arg("residual") = 0.0, nb::arg("common") = nb::none(),
            nb::sig("def __init__(self, *, channels: ArrayLike, angles: int, muscles: ArrayLike, shares: ArrayLike, "
                    "axes: ArrayLike, surfaces: Sequence[ArrayLike], joints: ArrayLike, terms: Sequence[ArrayLike], "
                    "lags: ArrayLike, motion: ArrayLike, before: ArrayLike | None = None, after: ArrayLike | None = "
                    "None, gamma: float = 23.4, tendon_strain: float = 0.033, period: float, patience: int, watch: ArrayLike | None = None, "
                    "patterns: Sequence[ArrayLike] = (), ranges: ArrayLike | None = None, forgetting: float = 0.0, "
-                   "max_loss: float = 0.0, residual: float = 0.0) -> None"))
+                   "max_loss: float = 0.0, residual: float = 0.0, common: ArrayLike | None = None) -> None"))
       .def("listen", &Class::listen, nb::arg("samples").none(),
            nb::sig("def listen(self, samples: ArrayLike) -> None"),
            "Raw EMG of every channel, (n, c), at the rate that the filters are made for.")

@@ -4,8 +4,10 @@
 //   s   = median_k sqrt(<x_k x_k> / <p_k p_k>)     another load or effort changes all channels together
 //   e_k = <(x_k - s p_k)^2> / max(1, s^2) - usual_k                error beyond what the fitted recordings show
 //   d_k = consequence_k (e_k - <p_k p_k> max(0, median_k(e_k / <p_k p_k>)))
+//   q_k = consequence_k <x_k x_k>, as fitted, times how far a silence is beyond any that the fitted recordings show
 //
-// The last median takes off what all channels miss alike while the effort changes.
+// The last median takes off what all channels miss alike while the effort changes. A silence needs no pattern: it is the
+// time for which an envelope has stayed below its floor, or below its usual activity, while the other channels are active.
 //
 // <> forgets within a second, one multiplication a step, so that every step costs the same. `consequence` is the share
 // of the torque's variance that a squared error of the channel costs, so that d_k is the R² that a channel which no
@@ -14,9 +16,10 @@
 // A channel has changed when the excess of d_k over `max_loss`, in multiples of it, adds up to `confirm_seconds`: a large
 // loss is named at once, a small one when it lasts. Then s p_k takes its place, as it does for a channel that is silent.
 // It is heard again when d_k has been below `max_loss` for as much activity of the pattern as `repair_seconds` of the
-// fitted recordings hold: a muscle at rest is no evidence. The torque's error is
+// fitted recordings hold: a muscle at rest is no evidence. A silence of its limit, of the same loss, changes a channel too.
+// The torque's error is
 //
-//   w^2 = 1 + sum_k u_k / residual,   u_k = d_k, or for a channel that is replaced consequence_k usual_k
+//   w^2 = 1 + sum_k u_k / residual,   u_k = max(d_k, q_k), or for a channel that is replaced consequence_k usual_k
 //
 // times the calibrated one; `residual` is the share of the torque's variance that the calibration leaves unexplained.
 // Beyond `max_widening` the torque is not as good as its calibration, whether or not a channel can be named.
@@ -31,8 +34,6 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// Common change of all channels' envelopes beyond which, up or down, no torque holds.
-constexpr double max_common_change = 3.0;
 /// Share of the patterns' mean square that most channels may miss at once, beyond which no torque holds. A step of all
 /// efforts by a factor of two or three misses less for a moment; noise in place of envelopes misses all.
 constexpr double max_common_miss = 0.25;
@@ -49,14 +50,19 @@ constexpr double max_widening = 1.5;
 /// A channel as it was in the fitted recordings.
 template <class S> struct WatchedChannelParams {
   S consequence{}, usual{}, square{}, product{}, pattern_square{};
+  S floor{}, floor_seconds{}, idle{}, idle_seconds{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.consequence, {"consequence", unit::one, at_least(0),
                           "share of the torque's variance per squared envelope"});
-    visit(p.usual, {"usual", unit::one, at_least(0), "largest <(x - s p)^2> in the fitted recordings"});
+    visit(p.usual, {"usual", unit::one, at_least(0), "largest <(x - s p)^2> that the fitted recordings allow for"});
     visit(p.square, {"square", unit::one, at_least(0), "<x x> in the fitted recordings, with which the watch begins"});
     visit(p.product, {"product", unit::one, at_least(0), "<x p> in them"});
     visit(p.pattern_square, {"pattern_square", unit::one, at_least(0), "<p p> in them"});
+    visit(p.floor, {"floor", unit::one, at_least(0), "envelope below which a channel gives no signal"});
+    visit(p.floor_seconds, {"floor_seconds", unit::time, at_least(0), "time below it that is a change; 0: none is"});
+    visit(p.idle, {"idle", unit::one, at_least(0), "envelope below which its muscle is not active"});
+    visit(p.idle_seconds, {"idle_seconds", unit::time, at_least(0), "time below it that is a change; 0: none is"});
   }
 };
 
@@ -78,6 +84,7 @@ template <class S, std::size_t channels_, std::size_t angles_> struct EmgWatchPa
   S forgetting{};                              ///< share of a mean that a step replaces, above 0 and at most 1
   S max_loss{};                                ///< d above which a channel's change is confirmed [1], above 0
   S residual{};                                ///< share of the torque's variance that is unexplained; 0: not known
+  S common_low{}, common_high{};               ///< s outside which no torque holds, above 0
   S period{};                                  ///< from one step to the next [s]
   WatchedChannelParams<S> channel[channels_]{};  ///< each
   WatchedAngleParams<S> angle[angles_]{};        ///< each
@@ -89,6 +96,7 @@ template <class S, std::size_t channels_> struct EmgWatchState {
   S loss[channels_]{};        ///< d of each channel at the last step
   S common{S(1)};             ///< s at the last step
   S doubt[channels_]{};       ///< sum of the excess of each channel's d [s]
+  S below_floor[channels_]{}, idle[channels_]{};  ///< time below either level while the others are active [s]
   S agreed[channels_]{};      ///< activity of a changed channel's pattern since it last missed it [s]
   S widening{S(1)};           ///< error of the torque over its calibrated error
   S strange{};                ///< share of the time outside the fitted movements
@@ -104,7 +112,8 @@ bool is_sound(const EmgWatchParams<S, channels_, angles_>& p, std::size_t channe
   if (!p.on) return true;
   bool sound = channels >= 1 && channels <= channels_ && angles <= angles_ && p.forgetting > S(0) &&
                p.forgetting <= S(1) && p.max_loss > S(0) && is_finite(p.max_loss) && p.residual >= S(0) &&
-               is_finite(p.residual) && p.period >= S(0) && is_finite(p.period);
+               is_finite(p.residual) && p.period >= S(0) && is_finite(p.period) && p.common_low > S(0) &&
+               p.common_low <= p.common_high && is_finite(p.common_high);
   for (std::size_t i = 0; sound && i < channels; ++i) sound = pellucid::is_sound(p.channel[i]);
   for (std::size_t k = 0; sound && k < angles; ++k) sound = pellucid::is_sound(p.angle[k]);
   return sound;
@@ -132,6 +141,16 @@ template <class S, std::size_t most> S common_factor(S (&values)[most], std::siz
   }
   sort(values, count);
   return count % 2 == 1 ? values[count / 2] : S(0.5) * (values[count / 2 - 1] + values[count / 2]);
+}
+
+/// Time for which an envelope has stayed at or below a level, where `elapsed` is the time of a step.
+template <class S> S time_below(S seconds, S envelope, S level, S limit, S elapsed) noexcept {
+  return limit > S(0) && envelope <= level ? min(seconds + elapsed, limit) : S(0);
+}
+
+/// How far a silence is beyond the longest fitted one, which is at most half of the limit: 0 to 1.
+template <class S> S silence(S seconds, S limit) noexcept {
+  return limit > S(0) ? max(S(0), S(2) * seconds / limit - S(1)) : S(0);
 }
 
 /// Lower median of the first `count` of `values`, which are sorted; 0 for a single one, which has nothing beside it.
@@ -180,6 +199,8 @@ void step(const EmgWatchParams<S, channels_, angles_>& p, EmgWatchState<S, chann
     relative[heard++] = excess[i] / max(s.pattern_square[i], S(1e-12));
   }
   const S alike = max(S(0), detail::lower_median(relative, heard));
+  // While all muscles rest, silence is no evidence against one of them.
+  const S effort = min(S(1), s.common), elapsed = p.period * effort * effort;
   std::uint32_t count = 0;
   S lost(0);
   for (std::size_t i = 0; i < channels; ++i) {
@@ -187,7 +208,7 @@ void step(const EmgWatchParams<S, channels_, angles_>& p, EmgWatchState<S, chann
     const WatchedChannelParams<S>& fitted = p.channel[i];
     if ((silent & bit) != 0) {
       s.changed &= ~bit;
-      s.loss[i] = s.agreed[i] = s.doubt[i] = S(0);
+      s.loss[i] = s.agreed[i] = s.doubt[i] = s.below_floor[i] = s.idle[i] = S(0);
       lost = lost + fitted.consequence * fitted.usual;
       continue;
     }
@@ -195,7 +216,13 @@ void step(const EmgWatchParams<S, channels_, angles_>& p, EmgWatchState<S, chann
     const S excessive = s.doubt[i] + p.period * (s.loss[i] / p.max_loss - S(1));
     // What is no number has changed.
     s.doubt[i] = excessive <= S(confirm_seconds) ? max(S(0), excessive) : S(confirm_seconds);
-    if (s.doubt[i] >= S(confirm_seconds)) s.changed |= bit;
+    s.below_floor[i] = detail::time_below(s.below_floor[i], envelope[i], fitted.floor, fitted.floor_seconds, elapsed);
+    s.idle[i] = detail::time_below(s.idle[i], envelope[i], fitted.idle * effort, fitted.idle_seconds, elapsed);
+    const S quiet = max(detail::silence(s.below_floor[i], fitted.floor_seconds),
+                        detail::silence(s.idle[i], fitted.idle_seconds));
+    const S unheard = fitted.consequence * fitted.square;
+    s.loss[i] = max(s.loss[i], quiet * unheard);
+    if (s.doubt[i] >= S(confirm_seconds) || (quiet >= S(1) && unheard > p.max_loss)) s.changed |= bit;
     if ((s.changed & bit) != 0) {
       const S y = pattern[i];
       const S activity = p.period * y * y / max(fitted.pattern_square, S(1e-12));
@@ -211,7 +238,7 @@ void step(const EmgWatchParams<S, channels_, angles_>& p, EmgWatchState<S, chann
     count += replaced;
   }
   s.widening = p.residual > S(0) ? sqrt(S(1) + lost / p.residual) : S(1);
-  s.unlike = 2 * count > heard || !(s.common <= S(max_common_change)) || !(s.common * S(max_common_change) >= S(1)) ||
+  s.unlike = 2 * count > heard || !(s.common <= p.common_high) || !(s.common >= p.common_low) ||
              !(alike <= S(max_common_miss)) || !(s.strange <= S(max_strange_share));
 }
 

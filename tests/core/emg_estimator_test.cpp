@@ -251,13 +251,16 @@ void watch_names_what_costs_torque() {
   watch.max_loss = 0.1;
   watch.period = 0.01;
   watch.residual = 0.1;
+  watch.common_low = 1.0 / 3.0;
+  watch.common_high = 3.0;
   for (auto& channel : watch.channel) channel = {1.0, 0.001, 0.5, 0.5, 0.5};
   watch.channel[3].consequence = 0.0;
   watch.angle[0] = {-1.0, 1.0, -1.0, 1.0};
   check(p::detail::is_sound(watch, 4, 1), "sound");
-  const auto run = [&watch](const double (&gain)[4], std::uint32_t silent = 0, bool strange = false) {
+  const auto run = [&watch](const double (&gain)[4], std::uint32_t silent = 0, bool strange = false,
+                            int steps = 1000) {
     p::EmgWatchState<double, 4> state;
-    for (int i = 0; i < 1000; ++i) {
+    for (int i = 0; i < steps; ++i) {
       const double y = 1.0 + std::sin(0.05 * i), pattern[4] = {y, y, y, y};
       const double x[4] = {gain[0] * y, gain[1] * y, gain[2] * y, gain[3] * y};
       p::step(watch, state, x, pattern, 4, silent, strange);
@@ -275,6 +278,26 @@ void watch_names_what_costs_torque() {
   check(run({1, 1, 1, 1}, 0, true).unlike, "another movement");
   check(run({2, 1, 1, 1}, 1).changed == 0 && !run({1, 1, 1, 1}, 15).unlike, "what is silent is not judged");
   check(run({not_heard, 1, 1, 1}).changed == 1u, "what is no number has changed");
+  watch.common_high = 5.0;
+  check(!run({4, 4, 4, 4}).unlike, "unless that was fitted too");
+  for (auto& channel : watch.channel) channel.usual = 9.0;
+  check(run({0, 1, 1, 1}).changed == 0, "a silence that no pattern shows");
+  watch.channel[0].floor = 0.01;
+  watch.channel[0].floor_seconds = 4.0;
+  check(run({0, 1, 1, 1}).changed == 1u && run({1, 1, 1, 1}).changed == 0, "is named by its floor");
+  check((run({0, 1, 1, 1}, 0, false, 300).changed | run({0, 1, 1, 1}, 1).changed) == 0, "in time, and where it is heard");
+  check(run({0, 1, 1, 1}, 0, false, 190).widening == 1.0 && run({0, 1, 1, 1}, 0, false, 300).widening > 1.5,
+        "the interval widens before");
+  check(run({0, 0, 0, 0}).changed == 0, "while all muscles rest, one is not named");
+  watch.channel[0].floor_seconds = 0.0;
+  watch.channel[0].idle = 0.2;
+  watch.channel[0].idle_seconds = 4.0;
+  check(run({0.05, 1, 1, 1}).changed == 1u && run({1, 1, 1, 1}).changed == 0, "or by its activity");
+  watch.channel[0].consequence = 0.01;
+  check(run({0, 1, 1, 1}).changed == 0, "not one without consequence");
+  watch.common_low = 0.0;
+  check(!p::detail::is_sound(watch, 4, 1), "a scale of 0");
+  watch.common_low = 1.0 / 3.0;
   watch.forgetting = 0.0;
   check(!p::detail::is_sound(watch, 4, 1), "a watch that learns nothing");
   watch.forgetting = not_heard;

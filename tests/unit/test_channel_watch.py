@@ -237,3 +237,62 @@ def test_a_watch_of_another_cards_channels_is_refused(watched, tmp_path):
 def test_too_few_samples_make_no_watch():
     short = stride(0.01 * (WATCH_TIMES.min_samples - 10))
     assert card([short]).watch is None
+
+
+def unrelated(seconds=80.0, seed=0, name="fitted"):
+    """Bursts of two muscles that do not depend on the movement: nothing in it tells which of them is active."""
+    rng, time = np.random.default_rng(seed), np.arange(round(seconds * FS)) / FS
+    knots = np.arange(0.0, seconds + 1.6, 0.8)
+    drive = np.interp(time, knots, rng.uniform(-1.0, 1.0, len(knots)))
+    envelopes = {"a": 0.02 + 0.4 * np.maximum(drive, 0.0), "b": 0.02 + 0.4 * np.maximum(-drive, 0.0)}
+    envelopes = {m: x * (1.0 + 0.05 * rng.standard_normal(len(time))) for m, x in envelopes.items()}
+    torque = sum(WEIGHTS[m] * x for m, x in envelopes.items()) + 0.3 * rng.standard_normal(len(time))
+    angle = 0.8 + 0.5 * np.sin(2.0 * np.pi * 0.45 * time)
+    return TorqueTrial(name, "knee", FS, time, torque, envelopes, {"knee": angle})
+
+
+@pytest.fixture(scope="module")
+def untold():
+    """Card of two muscles whose patterns tell nothing."""
+    return two_channel_card([unrelated(20.0, seed=i, name=f"fitted{i}") for i in range(4)])
+
+
+def two_channel_card(trials):
+    channels = tuple(EstimatorChannel(m, 1.0, 0.02, 2.0) for m in "ab")
+    terms = tuple(EstimatorTerm(WEIGHTS[m], f"emg.{m}") for m in "ab")
+    joint = EstimatorJoint("knee", 0.0, 0.0, 0.0, 100.0, terms)
+    made = EmgEstimatorCard("s", "emg_knee_ridge", channels, ("knee",), (), (joint,), 1.0 / FS, 12.0)
+    return add_channel_watch(made, {"knee": trials})
+
+
+@pytest.mark.parametrize("muscle", ["a", "b"])
+def test_a_silent_channel_is_named_whatever_the_movement_tells(untold, muscle):
+    trial, at = unrelated(20.0, seed=11), 500
+    late = np.arange(len(trial)) >= at
+    _, faults, changed = run(untold, trial, **{muscle: np.where(late, 0.0, trial.envelopes[muscle])})
+    assert not set().union(*changed[:at])
+    assert all(muscle in each for each in changed[at + 3 * round(FS) :])
+    assert "none" not in faults[at + 3 * round(FS) :]
+
+
+def test_a_channel_that_stays_at_rest_while_the_others_work_is_named(untold):
+    trial = unrelated(40.0, seed=12)
+    _, faults, changed = run(untold, trial, a=np.full(len(trial), 0.02))
+    assert "a" in changed[-1]
+    assert "none" not in faults[round(20.0 * FS) :]
+
+
+def test_envelopes_that_do_not_depend_on_the_movement_raise_no_false_alarm(untold):
+    for seed in range(20, 30):
+        trial = unrelated(60.0, seed=seed)
+        _, faults, changed = run(untold, trial)
+        assert not set().union(*changed)
+        assert "unlike" not in faults
+        assert np.mean([fault in ("none", "restarted") for fault in faults]) > 0.95
+
+
+def test_channels_that_no_pattern_tells_apart_are_named_in_the_card(untold, watched, tmp_path):
+    assert untold.watch.alike == (("a", "b"),)
+    assert watched.watch.alike == ()
+    again = read_estimator_card(write_estimator_card(tmp_path / "card.json", untold))
+    assert again == untold

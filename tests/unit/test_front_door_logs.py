@@ -123,6 +123,15 @@ def test_emg_beside_an_effort_without_an_angle_is_not_called_an_envelope(data_fo
     assert "envelope" not in said
 
 
+def test_an_angle_and_envelopes_without_a_torque_ask_for_the_torque(tmp_path):
+    t, q, *_ = swing()
+    envelopes = [0.1 + 0.1 * np.sin(2.0 * np.pi * f * t) ** 2 for f in (0.5, 0.7)]
+    header = "time [s],knee_angle [deg],vastus_lateralis [1],biceps_femoris [1]"
+    said = missing_part(proposed(written(tmp_path / "trial.csv", header, [t, np.degrees(q), *envelopes])))
+    assert said.startswith("found a joint angle and the envelopes of 2 muscles, but no torque")
+    assert "knee_torque" in said
+
+
 def test_a_command_alone_is_asked_for(tmp_path):
     t, q, _, tau = swing()
     path = written(tmp_path / "log.csv", "t_s,q_rad,tau_cmd_Nm", [t, q, tau])

@@ -99,10 +99,16 @@ def _missing_parts(proposal: Proposal) -> Iterator[str]:
                 "muscles"
             )
         else:
-            yield (
-                f"found only the envelope{'s' if count > 1 else ''} of {count} muscle{'s' if count > 1 else ''}, "
-                f"expected raw EMG, or the envelopes of at least {MIN_SYNERGY_MUSCLES} muscles"
-            )
+            others = f"raw EMG, or the envelopes of at least {MIN_SYNERGY_MUSCLES} muscles"
+            envelopes = f"the envelope{'s' if count > 1 else ''} of {count} muscle{'s' if count > 1 else ''}"
+            if quantities & {"angle", "position"}:
+                yield (
+                    f"found a joint angle and {envelopes}, but no torque, expected the torque of the joint for torque "
+                    f'from EMG, as in "knee_torque [N*m]"; for EMG alone, {others}. Record the torque too, or rename '
+                    "its column"
+                )
+            else:
+                yield f"found only {envelopes}, expected {others}"
     elif not has_task(proposal):
         yield (
             "found EMG and an effort but no joint angle, expected the joint angle in degrees. Record the angle too, or "

@@ -20,7 +20,17 @@ pattern
     Ridge regression of the envelope on angles and their rates, with squares and products.
 usual
     Largest mean square of what the pattern leaves, with the memory of the watch, in and out of fold. Fitted recordings
-    therefore pass their own watch.
+    therefore pass their own watch. Where the movement tells little of a muscle, this mean square varies much, and
+    another recording exceeds it by chance. The maxima of blocks therefore give the value that is exceeded once in
+    `WATCH_TIMES.return_time_s`, by a Gumbel distribution.
+floor, idle
+    Envelopes below which a channel gives no signal, and below which its muscle is not active. A silence that lasts more
+    than twice as long as the longest fitted one is a change, whatever the movement tells. The second counts only where
+    the pattern cannot show a silence.
+common scale
+    Change of all envelopes together: beyond what the fitted recordings show by a factor, no torque holds.
+alike
+    Pairs of channels whose exchange would cost torque, and would not be detected.
 consequence
     Mean square change of the torque over that of the envelope and the variance of the torque, when the channel is
     doubled, silent or has an offset, whichever costs most: muscles are not linear in their envelopes. It is the share
@@ -31,7 +41,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -124,6 +134,16 @@ class WatchTimes:
     # Smallest number of fitted samples of which patterns are made. A quadratic pattern of three joints has 28 terms.
     min_samples: int = 100
     min_square: float = 1e-12  # Least mean square of a pattern by which the core divides
+    # Duration of a block whose largest error counts once [s]: several times the memory, so that blocks are independent
+    maximum_block_s: float = 5.0
+    min_maximum_count: int = 4  # Smallest number of blocks; those of short recordings are shorter
+    return_time_s: float = 3600.0  # Time in which an unchanged channel exceeds its usual error once [s]
+    floor_share: float = 0.5  # Floor of a channel, as a share of its envelope at rest in the fitted recordings
+    # Least floor, as a share of the root mean square: amplifiers have more noise. Chosen by judgement.
+    min_floor_share: float = 0.01
+    idle_share: float = 0.5  # Share of the root mean square below which a muscle is not active. Chosen by judgement.
+    max_rest_ratio: float = 2.0  # A silence is a change after this multiple of the longest fitted one,
+    min_rest_s: float = 1.0  # and after this time more than it [s]. Chosen by judgement.
 
 
 WATCH_TIMES = WatchTimes()
@@ -626,23 +646,25 @@ def add_channel_watch(
         np.mean(np.vstack([a * b for a, b in zip(u, v, strict=True)]), axis=0)
         for u, v in ((x, x), (x, left_out), (left_out, left_out))
     )
-    usual = np.max(
-        [
-            _remembered_error(envelope, p, t.fs, WATCH_DEFAULTS.memory_s, means).max(axis=0)
-            for made in (within, left_out)
-            for envelope, p, t in zip(x, made, first, strict=True)
-        ],
-        axis=0,
-    )
+    each = [
+        [_remembered_error(e, p, t.fs, WATCH_DEFAULTS.memory_s, means) for e, p, t in zip(x, made, first, strict=True)]
+        for made in (within, left_out)
+    ]
+    usual = np.max([_return_level([error for error, _ in own], first[0].fs) for own in each], axis=0)
+    scales = np.concatenate([common for own in each for _, common in own])
     consequence, errors, residual = _consequences(card, trials, x)
     if not np.isfinite(consequence).all():
         return card
     features = [f"{what}.{angle}" for angle in card.angles for what in ("angle", "velocity")]
+    seen = consequence * (means[2] - usual) > WATCH_DEFAULTS.named_loss
+    silences = [
+        _silences(k, channel.rest, seen[k], x, first[0].fs, means[0][k]) for k, channel in enumerate(card.channels)
+    ]
     channels = tuple(
         WatchedChannel(
-            *map(float, numbers), tuple(_term(*each) for each in pattern.unscaled_coefficients(features).items())
+            *map(float, numbers), tuple(_term(*each) for each in pattern.unscaled_coefficients(features).items()), *own
         )
-        for *numbers, pattern in zip(consequence, usual, *means, patterns, strict=True)
+        for *numbers, pattern, own in zip(consequence, usual, *means, patterns, silences, strict=True)
     )
     low, high = np.vstack(moved).min(axis=0), np.vstack(moved).max(axis=0)
     margin = _range_margin(low, high)
@@ -652,7 +674,77 @@ def add_channel_watch(
     )
     if left_out_errors is not None:
         errors = tuple(left_out_errors[joint.name] for joint in card.joints)
-    return replace(card, watch=EstimatorWatch(channels, angles, residual=residual, errors=errors))
+    room = WATCH_DEFAULTS.max_common_change
+    watch = EstimatorWatch(
+        channels,
+        angles,
+        residual=residual,
+        errors=errors,
+        common_low=float(min(1.0, scales.min())) / room,
+        common_high=float(max(1.0, scales.max())) * room,
+        alike=_alike_pairs(names, x, left_out, consequence, usual),
+    )
+    return replace(card, watch=watch)
+
+
+def _return_level(errors: Sequence[np.ndarray], fs: float) -> np.ndarray:
+    """Return the error of each channel that is exceeded once in the return time, at least the largest one, (k,).
+
+    `errors` are mean squares, shape (n, k) each. The maxima of blocks follow a Gumbel distribution, fitted by moments.
+    """
+    count = sum(map(len, errors))
+    length = min(round(WATCH_TIMES.maximum_block_s * fs), count // WATCH_TIMES.min_maximum_count)
+    maxima = np.array(
+        [block.max(axis=0) for own in errors for block in np.array_split(own, max(1, round(len(own) / length)))]
+    )
+    scale = np.sqrt(6.0) / np.pi * np.std(maxima, axis=0, ddof=1)
+    level = np.mean(maxima, axis=0) + scale * (np.log(WATCH_TIMES.return_time_s * fs / length) - np.euler_gamma)
+    return np.maximum(level, maxima.max(axis=0))
+
+
+def _silences(
+    k: int, rest: float, is_seen: bool, x: Sequence[np.ndarray], fs: float, square: float
+) -> tuple[float, float, float, float]:
+    """Return floor, idle level and the durations below them [s] that are a change of channel k, as a channel has them.
+
+    `is_seen` is whether the pattern shows that a channel is silent; `square` is its mean square.
+    """
+    usual = float(np.sqrt(square))
+    floor = max(WATCH_TIMES.floor_share * rest, WATCH_TIMES.min_floor_share * usual)
+    idle = WATCH_TIMES.idle_share * usual
+
+    def limit(level: float) -> float:
+        longest = max(_longest_run(own[:, k] <= level) for own in x) / fs
+        return max(WATCH_TIMES.max_rest_ratio * longest, longest + WATCH_TIMES.min_rest_s)
+
+    return floor, limit(floor), idle, 0.0 if is_seen else limit(idle)
+
+
+def _longest_run(is_low: np.ndarray) -> int:
+    """Return the largest number of consecutive true samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], is_low.astype(int), [0]])))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
+
+
+def _alike_pairs(
+    names: Sequence[str],
+    x: Sequence[np.ndarray],
+    made: Sequence[np.ndarray],
+    consequence: np.ndarray,
+    usual: np.ndarray,
+) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of channels whose exchange costs torque and leaves no more than the usual errors.
+
+    `x` are envelopes and `made` their patterns, shape (n, k) each.
+    """
+    envelopes, patterns = np.vstack(x), np.vstack(made)
+    square, together = np.mean(envelopes**2, axis=0), envelopes.T @ envelopes / len(envelopes)
+    # Row i: the mean square that the pattern of channel i leaves of each channel
+    left = square[None, :] - 2.0 * patterns.T @ envelopes / len(envelopes) + np.mean(patterns**2, axis=0)[:, None]
+    loss = consequence[:, None] * (left - usual[:, None])
+    cost = np.maximum.outer(consequence, consequence) * (square[:, None] + square[None, :] - 2.0 * together)
+    is_unnoticed = (cost > WATCH_DEFAULTS.max_loss) & (np.maximum(loss, loss.T) <= WATCH_DEFAULTS.named_loss)
+    return tuple((names[i], names[k]) for i, k in combinations(range(len(names)), 2) if is_unnoticed[i, k])
 
 
 def _predict(patterns: Sequence[Ridge], moved: np.ndarray, ceiling: np.ndarray) -> np.ndarray:
@@ -683,8 +775,8 @@ def _predict_left_out(
 
 def _remembered_error(
     x: np.ndarray, pattern: np.ndarray, fs: float, seconds: float, means: Sequence[np.ndarray]
-) -> np.ndarray:
-    """Return the mean square of x - s p over max(1, s^2), with the memory of the watch, shape (n, k).
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean square of x - s p over max(1, s^2), with the memory of the watch, shape (n, k), and s, (n,).
 
     `means` are <x x>, <x p> and <p p> with which the memory begins, shape (k,) each.
     """
@@ -694,9 +786,10 @@ def _remembered_error(
         mean + np.column_stack([Biquads(memory).filter(column) for column in (y - mean).T])
         for y, mean in zip((x * x, x * pattern, pattern * pattern), means, strict=True)
     )
-    common = _common_factor(np.sqrt(square / np.maximum(pattern_square, WATCH_TIMES.min_square)))[:, None]
-    missed = square - 2.0 * common * product + common**2 * pattern_square
-    return np.maximum(missed, 0.0) / np.maximum(1.0, common**2)
+    common = _common_factor(np.sqrt(square / np.maximum(pattern_square, WATCH_TIMES.min_square)))
+    scale = common[:, None]
+    missed = square - 2.0 * scale * product + scale**2 * pattern_square
+    return np.maximum(missed, 0.0) / np.maximum(1.0, scale**2), common
 
 
 def _common_factor(factors: np.ndarray) -> np.ndarray:

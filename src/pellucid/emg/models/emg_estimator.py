@@ -11,8 +11,9 @@ The core's ``emg_estimator.hpp`` has their names and their order, from the least
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from ..._atomic import write_text_atomically
 from ..._errors import PellucidError
 from ...models.card import CARD_FORMAT, CardParameter, read_table
 from ...models.card_schema import MAX_CARD_NUMBER, fields_of, require_between, require_sound
+from ...models.fields import model_fields
 from ...numerics.low_pass import butterworth
 from .hill import MUSCLE_QUANTITIES
 from .muscle_geometry import MuscleSurface
@@ -46,6 +48,8 @@ class WatchDefaults:
     # Smallest share of the torque's variance that counts as unexplained. An estimator that fits its recordings exactly
     # is otherwise distrusted for what hardly costs it anything.
     min_residual: float = 0.04
+    # Factor by which all envelopes together may change, up or down, beyond what the fitted recordings show.
+    max_common_change: float = 3.0
     band_quantile: float = 1.645  # Half width of a 90 % interval in standard deviations
 
 
@@ -113,11 +117,20 @@ class WatchedChannel:
     """A channel as it was in the calibration; the core's `WatchedChannelParams`."""
 
     consequence: float  # Share of the torque's variance by squared error of the envelope
-    usual: float  # Largest mean square error of its pattern in the fitted recordings
+    usual: float  # Largest mean square error of its pattern that the fitted recordings allow for
     square: float  # Mean square of the envelope
     product: float  # Mean product of envelope and pattern
     pattern_square: float  # Mean square of the pattern
     pattern: tuple[EstimatorTerm, ...]  # Envelope by angles and their rates
+    floor: float = 0.0  # Envelope below which the channel gives no signal
+    floor_seconds: float = 0.0  # Time below it that is a change [s]; 0: none is
+    idle: float = 0.0  # Envelope below which its muscle is not active
+    idle_seconds: float = 0.0  # Time below it that is a change [s]; 0: none is
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Numbers of the core's `WatchedChannelParams`, in its order."""
+        return tuple(getattr(self, one.name) for one in model_fields("watched_channel"))
 
 
 @dataclass(frozen=True)
@@ -142,6 +155,11 @@ class EstimatorWatch:
     residual: float = 0.0
     # RMSE of each joint's torque in cross-validation [N m]; empty: not known
     errors: tuple[float, ...] = ()
+    # Common scale of all envelopes below and above which no torque holds
+    common_low: float = 1.0 / WATCH_DEFAULTS.max_common_change
+    common_high: float = WATCH_DEFAULTS.max_common_change
+    # Pairs of channels whose exchange costs torque and is not detected: the movement hardly tells them apart
+    alike: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -163,6 +181,8 @@ class EmgEstimatorCard:
     before: tuple[tuple[float, ...], ...] = ()  # before, after: Second-order sections of the chain at this rate
     after: tuple[tuple[float, ...], ...] = ()
     watch: EstimatorWatch | None = None  # What its channels are held against; None: they are not watched
+    # RMSE of the torque on held-out recordings, of all joints [N m]; None: not known
+    held_out_rmse: float | None = None
     gamma: float = SHORT_RANGE.stiffness
     tendon_strain: float = SHORT_RANGE.tendon_strain
     notes: tuple[str, ...] = ()
@@ -226,12 +246,13 @@ class EmgEstimatorCard:
             return {}
         channels = self.watch.channels
         return {
-            "watch": np.array([(c.consequence, c.usual, c.square, c.product, c.pattern_square) for c in channels]),
+            "watch": np.array([c.numbers for c in channels]),
             "patterns": [[(t.weight, known[t.first], known[t.second]) for t in c.pattern] for c in channels],
             "ranges": np.array([(a.low, a.high, a.slowest, a.fastest) for a in self.watch.angles]),
             "forgetting": min(1.0, step / self.watch.seconds),
             "max_loss": self.watch.max_loss,
             "residual": self.watch.residual,
+            "common": (self.watch.common_low, self.watch.common_high),
         }
 
     def build(
@@ -290,6 +311,8 @@ def _require_estimator(card: EmgEstimatorCard) -> None:
             raise ValueError(f"{m.name}: found a surface over other angles, expected {', '.join(card.angles)}")
         for x in m.surface.coefficients:
             require_between(f"{m.name}, surface", x, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
+    if card.held_out_rmse is not None:
+        require_between("held_out_rmse", card.held_out_rmse, 0.0, MAX_CARD_NUMBER)
     if card.watch is not None:
         found = (len(card.watch.channels), len(card.watch.angles))
         if found != (len(names), len(card.angles)):
@@ -297,6 +320,10 @@ def _require_estimator(card: EmgEstimatorCard) -> None:
         require_between("watch, seconds", card.watch.seconds, card.period, 1e4)
         require_between("watch, max_loss", card.watch.max_loss, 1e-6, 1e6)
         require_between("watch, residual", card.watch.residual, 0.0, 1e6)
+        require_between("watch, common_low", card.watch.common_low, 1e-6, card.watch.common_high)
+        require_between("watch, common_high", card.watch.common_high, card.watch.common_low, 1e6)
+        if {name for pair in card.watch.alike for name in pair} - set(names):
+            raise ValueError("watch, alike: found other channels, expected those of the card")
         if card.watch.errors and len(card.watch.errors) != len(card.joints):
             raise ValueError(f"watch: found {len(card.watch.errors)} errors, expected one for each joint")
         for joint, error in zip(card.joints, card.watch.errors, strict=False):
@@ -323,7 +350,24 @@ class EstimatorFault:
 
 
 ESTIMATOR_KINDS = ("hill", "ridge")
-"""Kinds of estimators that can be exported; the first one is preferred."""
+"""Kinds of estimators that can be exported."""
+
+MAX_NAMED_PAIRS = 3
+"""Largest number of pairs of channels that a sentence names."""
+
+
+
+def unwatched_words(pairs: Sequence[tuple[str, str]]) -> str:
+    """Return the pairs of channels whose exchange would not be detected, in words."""
+    said = [f"{one} and {other}" for one, other in pairs[:MAX_NAMED_PAIRS]]
+    more = len(pairs) - len(said)
+    return ", or of ".join(said) + (f", or of {more} more pairs" if more else "")
+
+
+def best_estimator(cards: Iterable[EmgEstimatorCard]) -> EmgEstimatorCard | None:
+    """Return the card with the smallest error on held-out recordings, the first of equal ones; None without a card."""
+    return min(cards, key=lambda card: inf if card.held_out_rmse is None else card.held_out_rmse, default=None)
+
 
 ESTIMATOR_FAULTS: tuple[EstimatorFault, ...] = (
     EstimatorFault(_core.EMG_FAULTS[0], "no fault: valid as calibrated", keeps_validity=True),

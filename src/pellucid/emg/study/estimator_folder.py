@@ -30,7 +30,14 @@ from ...study.exporter import (
 from ...study.procedures.card_sources import require_fresh
 from ...study.procedures.registry import asked
 from ...study.study import Study
-from ..models.emg_estimator import ESTIMATOR_FAULTS, ESTIMATOR_KINDS, EmgEstimatorCard, read_estimator_card
+from ..models.emg_estimator import (
+    ESTIMATOR_FAULTS,
+    ESTIMATOR_KINDS,
+    EmgEstimatorCard,
+    best_estimator,
+    read_estimator_card,
+    unwatched_words,
+)
 from .emg_torque.emg_torque_table import EmgTorqueTable
 
 FOLDER_TITLE = "torque of joints from EMG"
@@ -75,7 +82,7 @@ def chosen_card(
     study: Study, *, card: str | None = None, controller: str | None = None, participant: str | None = None,
     allow_outside: bool = False,
 ) -> EmgEstimatorCard:  # fmt: skip
-    """Return the estimator's card by its file name, else that of the first joint, of muscles rather than of a map."""
+    """Return the estimator's card by its file name, else the one of the first joint that is best on held-out data."""
     if controller is not None and controller not in ESTIMATOR_KINDS:
         raise PellucidError(
             f'export: found the controller "{controller}", expected one of {", ".join(ESTIMATOR_KINDS)}'
@@ -84,15 +91,19 @@ def chosen_card(
         path = Path(card) if allow_outside and Path(card).is_absolute() else study.card(card)
         return require_fresh(study, path, read_estimator_card(path))
     who = (*((participant,) if participant else ()), *study.table(EmgTorqueTable).joints, "together")
-    names = [f"emg_{what}_{kind}.json" for what in who for kind in ([controller] if controller else ESTIMATOR_KINDS)]
-    found = next((path for path in map(study.card, names) if path.is_file()), None)
-    if found is None:
+    kinds = [controller] if controller else ESTIMATOR_KINDS
+    names = [[f"emg_{what}_{kind}.json" for kind in kinds] for what in who]
+    present = ([path for path in map(study.card, own) if path.is_file()] for own in names)
+    paths = next((own for own in present if own), [])
+    best = best_estimator(require_fresh(study, path, read_estimator_card(path)) for path in paths)
+    if best is None:
+        every = ", ".join(name for own in names for name in own)
         raise PellucidError(
-            f"export of {study.name}: found none of the cards {', '.join(names)} in {study.models_dir}, expected one. "
+            f"export of {study.name}: found none of the cards {every} in {study.models_dir}, expected one. "
             "A card needs a held-out recording and a causal chain; "
             f"use: {printed_command('calibrate', study.folder)}"
         )
-    return require_fresh(study, found, read_estimator_card(found))
+    return best
 
 
 def write_estimator_folder(
@@ -130,10 +141,10 @@ def write_estimator_folder(
         made = {"muscle": muscle, "shares": shares, "axes": axes, "count": len(muscle.surface.axes)}
         muscles.append({**made, "surface": len(surface)})
         surface += muscle.surface.coefficients
-    watched = []
+    watched, unwatched = [], np.zeros((len(card.channels), len(model_fields("watched_channel"))))
     for channel, numbers, own in zip(
         card.channels,
-        arrays.get("watch", np.zeros((len(card.channels), 5))).tolist(),
+        arrays.get("watch", unwatched).tolist(),
         arrays.get("patterns", [()] * len(card.channels)),
         strict=True,
     ):
@@ -157,6 +168,8 @@ def write_estimator_folder(
         "listened": max(1, round(card.emg_rate * arrays["period"])) if raw else 0,
         "storage": _storage(card, len(terms), **sizes), "cards": (card.name,), "checksums": card.checksums,
         "notes": card.notes, "period": arrays["period"],
+        "unwatched": unwatched_words(card.watch.alike) if card.watch else "",
+        "common": arrays.get("common", (0.0, 0.0)),
     }  # fmt: skip
     files |= render_all("estimator", **content)
     outputs = [

@@ -41,12 +41,12 @@ from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import JointStiffness
 from ...estimators.torque_map import CrossValidated, MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
 from ...estimators.torque_trial import TorqueTrial, group_pieces
-from ...models.emg_estimator import ESTIMATOR_KINDS
+from ...models.emg_estimator import ESTIMATOR_KINDS, best_estimator
 from ..muscle_channels import mains_verdicts, study_chain
 from . import together as across_joints
 from . import torque_findings as findings
 from .emg_torque_table import EmgTorqueTable
-from .estimator_cards import estimator_cards, torque_card
+from .estimator_cards import estimator_cards, torque_card, watch_verdicts
 from .relative_envelopes import find_scales, normalisation_words, scale_rows, scale_verdicts
 from .sessions import LIVE_ESTIMATORS, compare_sessions, invalidity_words, session_tables, session_verdicts
 from .study_muscles import ignored_channel_verdicts
@@ -280,6 +280,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         verdicts=(
             *calibration_verdicts(study, evaluated, trials, chosen),
             *scale_verdicts(scales),
+            *watch_verdicts(stepped),
             *geometry_verdicts(study),
             *findings.calibrated_muscle_verdicts(found),
             *across_joints.together_verdicts(together, found),
@@ -367,10 +368,10 @@ def _export_steps(result: CalibrationResult) -> tuple[Step, ...]:
     steps = []
     for each in result.chosen:
         names = [f"emg_{each.what}_{kind}" for kind in ESTIMATOR_KINDS]
-        name = next((name for name in names if name in result.live), None)
-        if name is None:
+        best = best_estimator(result.cards[name] for name in names if name in result.live)
+        if best is None:
             continue
-        scores = result.live[name]
+        name, scores = best.name, result.live[best.name]
         figures = " and ".join(f"{s.r2:.3f} on {recording_words(where)}" for where, s in scores.items())
         low = min(s.r2 for s in scores.values()) < MIN_TORQUE_R2
         less = f", less than the required {MIN_TORQUE_R2:g}" if low else ""

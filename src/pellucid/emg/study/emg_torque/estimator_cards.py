@@ -15,6 +15,7 @@ import numpy as np
 from ...._errors import PellucidError
 from ....files.recording import Recording
 from ....models.card import CardParameter
+from ....models.estimates import Verdict
 from ....models.parameter_card import ParameterCard
 from ....study.study import Study
 from ...estimators.cross_validation import Score, score
@@ -28,7 +29,14 @@ from ...estimators.torque_trial import (
     compute_features,
     group_pieces,
 )
-from ...models.emg_estimator import EmgEstimatorCard, EstimatorChannel, EstimatorJoint, EstimatorMuscle, EstimatorTerm
+from ...models.emg_estimator import (
+    EmgEstimatorCard,
+    EstimatorChannel,
+    EstimatorJoint,
+    EstimatorMuscle,
+    EstimatorTerm,
+    unwatched_words,
+)
 from ...models.hill import MUSCLE_QUANTITIES
 from ...models.muscle import CalibratedMuscles
 from ...models.muscle_geometry import (
@@ -146,7 +154,9 @@ def estimator_cards(
             card = map_estimator(study, name, fit, trials)
         left_out = fit.residual_sd if isinstance(fit, HillMap) else fit.choice.score.rmse
         found.live[name] = _score_live(fit, [t for t in every if t.heldout])
-        cards[name] = add_channel_watch(card, {joint: trials}, {joint: left_out})
+        card = add_channel_watch(card, {joint: trials}, {joint: left_out})
+        errors = [one.rmse for one in found.live[name].values()]
+        cards[name] = replace(card, held_out_rmse=float(np.sqrt(np.mean(np.square(errors))))) if errors else card
     # With raw EMG, muscles over all joints were fitted to zero-phase envelopes. They then get no card.
     if together is not None and chain == "none":
         fitted = {joint: [t for t in own if not t.heldout] for joint, own in found.across.items()}
@@ -155,6 +165,25 @@ def estimator_cards(
         left_out = {joint: found.rmse for joint, found in together.fit.choice.scores.items()}
         cards[name] = add_channel_watch(card, fitted, left_out)
     return cards
+
+
+def watch_verdicts(cards: Mapping[str, EmgEstimatorCard]) -> list[Verdict]:
+    """Return a warning for the estimators of each set of joints whose watch would miss an exchange of channels."""
+    pairs: dict[str, dict[tuple[str, str], None]] = {}
+    for card in cards.values():
+        if card.watch is not None and card.watch.alike:
+            where = " and ".join(joint.name for joint in card.joints)
+            pairs.setdefault(where, {}).update(dict.fromkeys(card.watch.alike))
+    return [
+        Verdict(
+            "warning",
+            f"Live estimate of {where}: not watched for an exchange of {unwatched_words(tuple(own))}, because the "
+            "movement does not tell these channels apart.",
+            "Check these cables before each session.",
+            finding="unwatched_exchange",
+        )
+        for where, own in pairs.items()
+    ]
 
 
 def _score_live(fit: HillMap | TorqueMap, held: Sequence[TorqueTrial]) -> dict[str, Score]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...._errors import IdentificationError, RecordingError
+from ...._errors import IdentificationError, RecordingError, listed_names
 from ....files.fault import Fault
 from ....files.recording import MAXIMAL_PROTOCOL, Recording
 from ....models.estimates import Verdict
@@ -22,7 +22,7 @@ from ...signals.emg_quality import EMG_LIMITS, channel_fault, contrast_faults, i
 from ...signals.emg_scale import scale_interval
 from ..muscle_channels import notch_frequencies, session_faults, study_chain
 from .emg_torque_table import EmgTorqueTable
-from .study_muscles import find_used_muscles, ignored_channels
+from .study_muscles import MAX_NAMED_RECORDINGS, find_used_muscles, unused_channels
 
 ENVELOPE_SETTLING_S = 0.5
 """Duration at either end of a recording in which an envelope has not settled [s].
@@ -56,14 +56,17 @@ def emg_faults(study: Study) -> list[Fault]:
             if chain is not None:
                 found += _envelope_faults(recording, stream, chain)
     found += session_faults(study, [recording.stream_or_self(asked.emg) for recording in study.recordings()])
-    ignored, usual = ignored_channels(study), float(np.median(list(rates.values()))) if rates else 0.0
+    usual = float(np.median(list(rates.values()))) if rates else 0.0
     found += [
         channel_fault(
-            "note", "extra_channel", recording.stream_or_self(asked.emg).path.name, recording.name, f"emg.{muscle}",
-            "it in this recording", "a channel of every fitted recording", ": it is not used",
+            "warn" if any(r.use == "fit" for r in recordings) else "note", "extra_channel",
+            recording.stream_or_self(asked.emg).path.name, recording.name, f"emg.{muscle}", "it in this recording",
+            "a channel of every fitted recording",
+            f": it is not used, because {listed_names(lacking, MAX_NAMED_RECORDINGS)} "
+            f"{'lacks' if len(lacking) == 1 else 'lack'} it",
         )
-        for recording in study.recordings()
-        for muscle in ignored.get(recording.name, ())
+        for muscle, recordings, lacking in unused_channels(study)
+        for recording in recordings
     ]  # fmt: skip
     wanted = f"{usual:.4g} Hz as in the study's other files"
     found += [

@@ -6,11 +6,12 @@ The EMG channels of a study that are used: those that the study names, or that a
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
-from ...._errors import PellucidError, RecordingError
+from ...._errors import PellucidError, RecordingError, listed_names
 from ...._given import read_given
 from ....files.recording import Recording
 from ....models.estimates import Verdict
@@ -25,6 +26,12 @@ from ...files.muscle_polynomials import (
 )
 from ...files.osim_paths import read_paths
 from .emg_torque_table import EmgTorqueTable
+
+MAX_NAMED_RECORDINGS = 3
+"""Largest number of recordings that a sentence names."""
+
+MISSING_CHANNEL_FINDING = "missing_channel"
+"""Identifier of the finding that a muscle is not used, since a fitted recording lacks its channel."""
 
 
 def read_muscle_constants(path: Path) -> dict[str, MuscleConstants]:
@@ -172,12 +179,39 @@ def ignored_channels(study: Study) -> dict[str, list[str]]:
     return {name: muscles for name, muscles in extra.items() if muscles}
 
 
+def unused_channels(study: Study) -> Iterator[tuple[str, list[Recording], list[str]]]:
+    """Yield each muscle whose channel is not used, the recordings that have it and the fitted ones that lack it.
+
+    `study` [emg_torque].
+    """
+    ignored, fitted = ignored_channels(study), [(r, _emg_channels(study, r)) for r in study.recordings("fit")]
+    present: dict[tuple[str, str | None], list[Recording]] = {}
+    for recording in study.recordings():
+        for muscle in ignored.get(recording.name, ()):
+            present.setdefault((muscle, recording.participant), []).append(recording)
+    for (muscle, participant), recordings in present.items():
+        each = [(r, names) for r, names in fitted if names]
+        own = [(r, names) for r, names in each if r.participant == participant] or each
+        yield muscle, recordings, [r.name for r, names in own if muscle not in names]
+
+
 def ignored_channel_verdicts(study: Study) -> list[Verdict]:
-    """Return a note for each recording with channels that are not used. `study` [emg_torque]."""
-    return [
-        Verdict(
-            "note",
-            f"{name}: {', '.join(f'emg.{m}' for m in muscles)} not used, because some fitted recordings lack it.",
+    """Return a verdict for each muscle whose channel is not used: a warning if a fitted recording has it.
+
+    `study` [emg_torque].
+    """
+    made = []
+    for muscle, recordings, lacking in unused_channels(study):
+        loses = any(r.use == "fit" for r in recordings)
+        where = listed_names([r.name for r in recordings], MAX_NAMED_RECORDINGS)
+        why = listed_names(lacking, MAX_NAMED_RECORDINGS)
+        do = f"Add the channel to {why}, or remove {why} from study.toml, and calibrate again." if loses else ""
+        made.append(
+            Verdict(
+                "warning" if loses else "note",
+                f"{where}: emg.{muscle} is not used, because {why} {'lacks' if len(lacking) == 1 else 'lack'} it.",
+                do,
+                finding=MISSING_CHANNEL_FINDING,
+            )
         )
-        for name, muscles in ignored_channels(study).items()
-    ]
+    return made
