@@ -193,6 +193,8 @@ def test_moments_are_judged_on_what_was_held_out(calibrated):
     causal = [rows[f"leg.knee.ridge.causal.r2{tail}"].value for tail in ("", ".rest")]
     assert all(f"R² {r2:.3f} on" in export.text or f"and {r2:.3f} on" in export.text for r2 in causal)
     assert "which runs offline only" in export.text
+    errors = {name: card.held_out_rmse for name, card in found.cards.items() if name in found.live}
+    assert f"{min(errors, key=errors.get)}.json" in export.command
     # A recording with the name of a state is not read as one.
     assert 'on recording "rest"' in found.headline
     assert "judged on" not in " ".join(v.text for v in found.verdicts)
@@ -276,6 +278,8 @@ def test_a_weighted_mean_is_evaluated_on_every_recording_that_is_like_the_fitted
     # The band of fitted movements does not hold for a recording that is unlike them.
     assert [set(trace.half_width) for trace in traces] == [{STACKED}, set()]
     assert "on recordings unlike the fitted ones by muscles of Hill's type" in chosen.words
+    # A mean names what it is of, also where there is little room.
+    assert all(f"{100.0 * weight:.0f} %" in chosen.brief for weight in chosen.weights.weights.values())
 
 
 def test_the_worth_of_emg_has_an_interval_where_an_estimator_had_no_result_in_one_of_the_tests():

@@ -248,7 +248,7 @@ def unrelated(seconds=80.0, seed=0, name="fitted"):
     envelopes = {m: x * (1.0 + 0.05 * rng.standard_normal(len(time))) for m, x in envelopes.items()}
     torque = sum(WEIGHTS[m] * x for m, x in envelopes.items()) + 0.3 * rng.standard_normal(len(time))
     angle = 0.8 + 0.5 * np.sin(2.0 * np.pi * 0.45 * time)
-    return TorqueTrial(name, "knee", FS, time, torque, envelopes, {"knee": angle})
+    return TorqueTrial(name, "knee", time, envelopes, {"knee": angle}, torque)
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.controllers.export.c_folder import check_on_host
 from pellucid.controllers.export.microcontroller import measure, missing_tools
+from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.torque_map import fit_torque_map
 from pellucid.emg.models.emg_estimator import read_estimator_card, write_estimator_card
@@ -228,6 +229,22 @@ def test_raw_emg_is_exported_with_its_filters(cards, tmp_path):
     assert min(live.activations.values()) > 0.0
 
 
+def test_a_card_knows_its_error_on_held_out_recordings(cards, calibrated):
+    maps, judged, _ = calibrated
+    for name, fit in maps.items():
+        error = score(judged.torque, fit.predict(judged)).rmse
+        assert cards[f"emg_knee_{name}"].held_out_rmse == pytest.approx(error)
+
+
+def test_the_readme_names_exchanges_that_are_not_detected(cards, tmp_path):
+    card = cards["emg_knee_ridge"]
+    one, other = (channel.name for channel in card.channels[:2])
+    alike = replace(card, watch=replace(card.watch, alike=((one, other),)))
+    said = (write_estimator_folder("made", alike, tmp_path / "alike") / "README.md").read_text()
+    assert f"an exchange of {one} and {other} is not detected" in said
+    assert "is not detected" not in (write_estimator_folder("made", card, tmp_path / "ridge") / "README.md").read_text()
+
+
 def test_a_study_without_a_card_is_told(cards, tmp_path):
     own = study()
     own.models_dir, own.folder = tmp_path, tmp_path
@@ -235,9 +252,11 @@ def test_a_study_without_a_card_is_told(cards, tmp_path):
     own.accept_stale = True  # the cards are made by hand and have no recordings here
     with pytest.raises(PellucidError, match=r"emg_knee_hill\.json.*use: pellucid calibrate"):
         chosen_card(own)
-    for name, card in cards.items():
-        write_estimator_card(tmp_path / f"{name}.json", card)
-    assert chosen_card(own).name == "emg_knee_hill"
+    # Without a name, the card that is better on held-out recordings is exported.
+    for better in cards:
+        for name, card in cards.items():
+            write_estimator_card(tmp_path / f"{name}.json", replace(card, held_out_rmse=1.0 if name == better else 2.0))
+        assert chosen_card(own).name == better
     assert chosen_card(own, controller="ridge").name == "emg_knee_ridge"
     with pytest.raises(PellucidError, match="expected one of hill, ridge"):
         chosen_card(own, controller="fc")

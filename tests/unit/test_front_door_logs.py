@@ -132,6 +132,17 @@ def test_an_angle_and_envelopes_without_a_torque_ask_for_the_torque(tmp_path):
     assert "knee_torque" in said
 
 
+def test_emg_beside_an_unnamed_torque_says_how_a_study_of_torque_from_emg_is_made(tmp_path):
+    t, q, _, tau = swing()
+    envelopes = [0.1 + 0.1 * np.sin(2.0 * np.pi * f * t) ** 2 for f in (0.5, 0.7)]
+    short = proposed(written(tmp_path / "short.csv", "t,q,vl,bf,tau", [t, np.degrees(q), *envelopes, tau]))
+    assert any('"knee_torque [N*m]"' in text for text in short.remarks)
+    header = "t,knee_angle [deg],vl,bf,knee_torque [N*m]"
+    named = proposed(written(tmp_path / "named.csv", header, [t, np.degrees(q), *envelopes, tau]))
+    assert named.is_person
+    assert not any("knee_torque" in text for text in named.remarks)
+
+
 def test_a_command_alone_is_asked_for(tmp_path):
     t, q, _, tau = swing()
     path = written(tmp_path / "log.csv", "t_s,q_rad,tau_cmd_Nm", [t, q, tau])

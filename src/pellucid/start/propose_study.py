@@ -221,6 +221,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     asked, marked = select_questions(questions)
     worn = answers.get("worn", next((q.default for q in questions if q.key == "worn"), "no")) == "yes"
     robot_joints = None if person else _robot_joints(given, main)
+    remarks += _emg_remarks([main, *streams], drive, person)
     remarks += _remarks(given, main) + joints_remarks(given.robots, robot_joints, () if person else main.roles.joints)
     return Proposal(
         name=name,
@@ -713,10 +714,14 @@ def _merit(layout: Layout) -> float:
     return motion + inertial + efforts + emg + clock + size + geometry if quantities else -1.0
 
 
+MACHINE_QUANTITIES = frozenset({"current", "voltage", "duty", "reference", "interaction"})
+"""Quantities that a machine has and a person has not."""
+
+
 def _is_person(main: Layout, layouts: Sequence[Layout]) -> bool:
     """Whether a person's joints were recorded, without a drive."""
     quantities = {role.quantity for layout in layouts for role in layout.channels}
-    if quantities & {"current", "voltage", "duty", "reference", "interaction"}:
+    if quantities & MACHINE_QUANTITIES:
         return False
     own = {role.quantity for role in main.channels}
     return bool(own & {"angle", "moment"}) or ("emg" in own and not own & {"torque"}) or _is_inertial(main)
@@ -2004,6 +2009,17 @@ def _remarks(given: GivenFiles, main: Layout) -> list[str]:
             "jumps back after them (old samples of a buffer)"
         )
     return said
+
+
+def _emg_remarks(layouts: Sequence[Layout], drive: str | None, person: bool) -> list[str]:
+    """Return how to state that a torque beside EMG is a person's, where nothing but its name makes it a machine's."""
+    quantities = {role.quantity for layout in layouts for role in layout.channels}
+    if person or drive is None or "emg" not in quantities or quantities & MACHINE_QUANTITIES:
+        return []
+    return [
+        "EMG was recorded with an effort, taken for that of a machine. To estimate torque from EMG, name angle and "
+        'torque after the joint, as in "knee_angle [deg]" and "knee_torque [N*m]"'
+    ]
 
 
 def _pair_columns_with_sheets(

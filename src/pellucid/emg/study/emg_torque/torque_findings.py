@@ -136,6 +136,9 @@ class TorqueTrace:
 MIN_NAMED_WEIGHT = 0.05
 """Smallest weight in a weighted mean that its words state."""
 
+MAX_BRIEF_MEMBERS = 2
+"""Largest number of members of a weighted mean that a sentence without room for all of them names."""
+
 BASELINE_ESTIMATOR = "motion"
 """Estimator that sees angles alone, no EMG. The others are compared with it."""
 
@@ -185,7 +188,7 @@ class RecommendedEstimator:
 
     @property
     def brief(self) -> str:
-        """Description of the estimator in a sentence that has no room for weights."""
+        """Description of the estimator in a sentence that has no room for all weights."""
         return self._describe(with_weights=False)
 
     @property
@@ -209,14 +212,14 @@ class RecommendedEstimator:
         words = named_family(name).description
         if name != STACKED:
             return words
-        if self.weights is None or not with_weights:
-            return f"a {words}"
+        if self.weights is None:
+            return f"a {words} (weights chosen in each fold)"
         parts = [
             f"{named_family(member).short or named_family(member).description} {100.0 * weight:.0f} %"
             for member, weight in self.weights.weights.items()
             if weight >= MIN_NAMED_WEIGHT
         ]
-        return f"a {words} ({', '.join(parts)})"
+        return f"a {words} ({', '.join(parts) if with_weights else listed_names(parts, MAX_BRIEF_MEMBERS)})"
 
 
 def recommend_estimator(
