@@ -239,10 +239,13 @@ def test_a_card_knows_its_error_on_held_out_recordings(cards, calibrated):
 def test_the_readme_names_exchanges_that_are_not_detected(cards, tmp_path):
     card = cards["emg_knee_ridge"]
     one, other = (channel.name for channel in card.channels[:2])
-    alike = replace(card, watch=replace(card.watch, alike=((one, other),)))
-    said = (write_estimator_folder("made", alike, tmp_path / "alike") / "README.md").read_text()
-    assert f"an exchange of {one} and {other} is not detected" in said
-    assert "is not detected" not in (write_estimator_folder("made", card, tmp_path / "ridge") / "README.md").read_text()
+
+    def readme(*pairs):
+        made_of = replace(card, watch=replace(card.watch, alike=pairs))
+        return (write_estimator_folder("made", made_of, tmp_path / f"{len(pairs)}") / "README.md").read_text()
+
+    assert f"an exchange of {one} and {other} is not detected" in readme((one, other))
+    assert "is not detected" not in readme()
 
 
 def test_a_study_without_a_card_is_told(cards, tmp_path):
