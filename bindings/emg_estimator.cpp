@@ -47,7 +47,7 @@ period : float
     From one step to the next [s], > 0.
 patience : int
     Periods that what is silent keeps its last value.
-watch : (c, 9)
+watch : (c, 10)
     Numbers of the core's WatchedChannelParams of each channel, in its order; None: none is watched.
 patterns : sequence of (k, 3)
     Weight and features of each channel's pattern, of angles alone; -1 is no feature.
@@ -252,7 +252,7 @@ template <class S> class EmgEstimator {
     params.patience = patience;
     if (!watch.is_none()) {
       const Array watched = read_array("watch", watch), range = read_array("ranges", ranges);
-      watched.expect(text({params.channels, 9}), {params.channels, 9});
+      watched.expect(text({params.channels, 10}), {params.channels, 10});
       range.expect(text({params.angles, 4}), {params.angles, 4});
       if (nb::len(patterns) != params.channels) throw nb::value_error("patterns: expected one for each channel");
       params.watch.on = true;
@@ -266,10 +266,11 @@ template <class S> class EmgEstimator {
       params.watch.common_high = static_cast<S>(scale.data[1]);
       own_->pattern.resize(params.channels);
       for (std::size_t i = 0; i < params.channels; ++i) {
-        const double* row = watched.data + 9 * i;
+        const double* row = watched.data + 10 * i;
         params.watch.channel[i] = {static_cast<S>(row[0]), static_cast<S>(row[1]), static_cast<S>(row[2]),
                                    static_cast<S>(row[3]), static_cast<S>(row[4]), static_cast<S>(row[5]),
-                                   static_cast<S>(row[6]), static_cast<S>(row[7]), static_cast<S>(row[8])};
+                                   static_cast<S>(row[6]), static_cast<S>(row[7]), static_cast<S>(row[8]),
+                                   static_cast<S>(row[9])};
         const Array term = read_array("patterns", patterns[i]);
         if (term.size() != 0 && (term.shape.size() != 2 || term.shape[1] != 3)) term.fail("(k, 3)");
         own_->pattern[i] = terms_of(term);

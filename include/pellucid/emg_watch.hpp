@@ -7,17 +7,18 @@
 //   q_k = consequence_k <x_k x_k>, as fitted, times how far a silence is beyond any that the fitted recordings show
 //
 // The last median takes off what all channels miss alike while the effort changes. A silence needs no pattern: it is the
-// time for which an envelope has stayed below its floor, or below its usual activity, while the other channels are active.
+// time for which an envelope stays below its floor, or below its usual activity, while the other channels are active.
 //
 // <> forgets within a second, one multiplication a step, so that every step costs the same. `consequence` is the share
 // of the torque's variance that a squared error of the channel costs, so that d_k is the R² that a channel which no
 // longer follows its pattern may take from the torque.
 //
-// A channel has changed when the excess of d_k over `max_loss`, in multiples of it, adds up to `confirm_seconds`: a large
-// loss is named at once, a small one when it lasts. Then s p_k takes its place, as it does for a channel that is silent.
-// It is heard again when d_k has been below `max_loss` for as much activity of the pattern as `repair_seconds` of the
-// fitted recordings hold: a muscle at rest is no evidence. A silence of its limit, of the same loss, changes a channel too.
-// The torque's error is
+// A channel has changed when the excess of d_k over its limit, in multiples of it, adds up to `confirm_seconds`: a large
+// loss is named at once, a small one when it lasts. The limit is `max_loss`, or consequence_k margin_k where this is
+// larger: where the movement tells little of a muscle, other recordings exceed usual_k by chance. A silence of its
+// longest time changes a channel too. Then s p_k takes its place, as it does for a channel that is not heard.
+// It is heard again when it is not silent and d_k has been below its limit for as much activity of the pattern as
+// `repair_seconds` of the fitted recordings hold: a muscle at rest is no evidence. The torque's error is
 //
 //   w^2 = 1 + sum_k u_k / residual,   u_k = max(d_k, q_k), or for a channel that is replaced consequence_k usual_k
 //
@@ -49,16 +50,17 @@ constexpr double max_widening = 1.5;
 
 /// A channel as it was in the fitted recordings.
 template <class S> struct WatchedChannelParams {
-  S consequence{}, usual{}, square{}, product{}, pattern_square{};
+  S consequence{}, usual{}, square{}, product{}, pattern_square{}, margin{};
   S floor{}, floor_seconds{}, idle{}, idle_seconds{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.consequence, {"consequence", unit::one, at_least(0),
                           "share of the torque's variance per squared envelope"});
-    visit(p.usual, {"usual", unit::one, at_least(0), "largest <(x - s p)^2> that the fitted recordings allow for"});
+    visit(p.usual, {"usual", unit::one, at_least(0), "largest <(x - s p)^2> in the fitted recordings"});
     visit(p.square, {"square", unit::one, at_least(0), "<x x> in the fitted recordings, with which the watch begins"});
     visit(p.product, {"product", unit::one, at_least(0), "<x p> in them"});
     visit(p.pattern_square, {"pattern_square", unit::one, at_least(0), "<p p> in them"});
+    visit(p.margin, {"margin", unit::one, at_least(0), "by which other recordings may exceed it by chance"});
     visit(p.floor, {"floor", unit::one, at_least(0), "envelope below which a channel gives no signal"});
     visit(p.floor_seconds, {"floor_seconds", unit::time, at_least(0), "time below it that is a change; 0: none is"});
     visit(p.idle, {"idle", unit::one, at_least(0), "envelope below which its muscle is not active"});
@@ -82,7 +84,7 @@ template <class S> struct WatchedAngleParams {
 template <class S, std::size_t channels_, std::size_t angles_> struct EmgWatchParams {
   bool on = false;                             ///< whether channels are watched
   S forgetting{};                              ///< share of a mean that a step replaces, above 0 and at most 1
-  S max_loss{};                                ///< d above which a channel's change is confirmed [1], above 0
+  S max_loss{};                                ///< least d above which a channel's change is confirmed [1], above 0
   S residual{};                                ///< share of the torque's variance that is unexplained; 0: not known
   S common_low{}, common_high{};               ///< s outside which no torque holds, above 0
   S period{};                                  ///< from one step to the next [s]
@@ -213,7 +215,8 @@ void step(const EmgWatchParams<S, channels_, angles_>& p, EmgWatchState<S, chann
       continue;
     }
     s.loss[i] = fitted.consequence * (excess[i] - alike * s.pattern_square[i]);
-    const S excessive = s.doubt[i] + p.period * (s.loss[i] / p.max_loss - S(1));
+    const S limit = max(p.max_loss, fitted.consequence * fitted.margin);
+    const S excessive = s.doubt[i] + p.period * (s.loss[i] / limit - S(1));
     // What is no number has changed.
     s.doubt[i] = excessive <= S(confirm_seconds) ? max(S(0), excessive) : S(confirm_seconds);
     s.below_floor[i] = detail::time_below(s.below_floor[i], envelope[i], fitted.floor, fitted.floor_seconds, elapsed);
@@ -226,7 +229,7 @@ void step(const EmgWatchParams<S, channels_, angles_>& p, EmgWatchState<S, chann
     if ((s.changed & bit) != 0) {
       const S y = pattern[i];
       const S activity = p.period * y * y / max(fitted.pattern_square, S(1e-12));
-      s.agreed[i] = s.loss[i] < p.max_loss ? s.agreed[i] + activity : S(0);
+      s.agreed[i] = s.loss[i] < limit && quiet <= S(0) ? s.agreed[i] + activity : S(0);
       if (s.agreed[i] >= S(repair_seconds)) {
         s.changed &= ~bit;
         s.doubt[i] = S(0);

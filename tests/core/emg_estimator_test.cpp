@@ -278,6 +278,9 @@ void watch_names_what_costs_torque() {
   check(run({1, 1, 1, 1}, 0, true).unlike, "another movement");
   check(run({2, 1, 1, 1}, 1).changed == 0 && !run({1, 1, 1, 1}, 15).unlike, "what is silent is not judged");
   check(run({not_heard, 1, 1, 1}).changed == 1u, "what is no number has changed");
+  watch.channel[0].margin = 9.0;
+  check(run({2, 1, 1, 1}).changed == 0 && run({2, 1, 1, 1}).widening > 1.5, "nor one that chance explains");
+  watch.channel[0].margin = 0.0;
   watch.common_high = 5.0;
   check(!run({4, 4, 4, 4}).unlike, "unless that was fitted too");
   for (auto& channel : watch.channel) channel.usual = 9.0;
@@ -285,6 +288,9 @@ void watch_names_what_costs_torque() {
   watch.channel[0].floor = 0.01;
   watch.channel[0].floor_seconds = 4.0;
   check(run({0, 1, 1, 1}).changed == 1u && run({1, 1, 1, 1}).changed == 0, "is named by its floor");
+  watch.channel[0].margin = 9.0;
+  check(run({0, 1, 1, 1}, 0, false, 3000).changed == 1u, "for as long as it lasts");
+  watch.channel[0].margin = 0.0;
   check((run({0, 1, 1, 1}, 0, false, 300).changed | run({0, 1, 1, 1}, 1).changed) == 0, "in time, and where it is heard");
   check(run({0, 1, 1, 1}, 0, false, 190).widening == 1.0 && run({0, 1, 1, 1}, 0, false, 300).widening > 1.5,
         "the interval widens before");

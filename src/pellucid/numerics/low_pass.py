@@ -6,6 +6,8 @@ scipy.stats: a second at every start [1]_.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 
@@ -36,13 +38,21 @@ def settled(sections: np.ndarray) -> np.ndarray:
 
 def filter_settled(section: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Samples, (n,), run through one section, (6,), as if the first one had lasted: no step has to settle."""
-    b0, b1, b2, _, a1, a2 = section.tolist()
-    first, second = (settled(section[None, :])[0] * samples[0]).tolist()
+    return _filtered(np.asarray(section, float).tobytes(), np.asarray(samples, float).tobytes()).copy()
+
+
+# A fit asks for the features of the same few trials again and again.
+@lru_cache(maxsize=64)
+def _filtered(section: bytes, samples: bytes) -> np.ndarray:
+    own = np.frombuffer(section)
+    b0, b1, b2, _, a1, a2 = own.tolist()
+    x = np.frombuffer(samples).tolist()
+    first, second = (settled(own[None, :])[0] * x[0]).tolist()
     made = []
-    for x in samples.tolist():
-        y = b0 * x + first
-        first = b1 * x - a1 * y + second
-        second = b2 * x - a2 * y
+    for each in x:
+        y = b0 * each + first
+        first = b1 * each - a1 * y + second
+        second = b2 * each - a2 * y
         made.append(y)
     return np.array(made)
 

@@ -2012,7 +2012,7 @@ def _remarks(given: GivenFiles, main: Layout) -> list[str]:
 
 
 def _emg_remarks(layouts: Sequence[Layout], drive: str | None, person: bool) -> list[str]:
-    """Return how to state that a torque beside EMG is a person's, where nothing but its name makes it a machine's."""
+    """Return how to state that a torque with EMG is a person's, where nothing but its name makes it a machine's."""
     quantities = {role.quantity for layout in layouts for role in layout.channels}
     if person or drive is None or "emg" not in quantities or quantities & MACHINE_QUANTITIES:
         return []

@@ -86,7 +86,8 @@ p::EmgEstimatorParams<S, Size> estimator(Bytes& bytes, S (&surface)[49], p::Torq
   e.watch.max_loss = number<S>(bytes, 0.1);
   for (auto& channel : e.watch.channel)
     channel = {number<S>(bytes, 1), number<S>(bytes, 0.01), number<S>(bytes, 0.3), number<S>(bytes, 0.3),
-               number<S>(bytes, 0.3), number<S>(bytes, 0.01), number<S>(bytes, 1), number<S>(bytes, 0.1), number<S>(bytes, 1)};
+               number<S>(bytes, 0.3), number<S>(bytes, 0.1), number<S>(bytes, 0.01), number<S>(bytes, 1),
+               number<S>(bytes, 0.1), number<S>(bytes, 1)};
   e.watch.common_low = number<S>(bytes, 0.3);
   e.watch.common_high = number<S>(bytes, 3);
   for (auto& angle : e.watch.angle)

@@ -20,9 +20,10 @@ pattern
     Ridge regression of the envelope on angles and their rates, with squares and products.
 usual
     Largest mean square of what the pattern leaves, with the memory of the watch, in and out of fold. Fitted recordings
-    therefore pass their own watch. Where the movement tells little of a muscle, this mean square varies much, and
-    another recording exceeds it by chance. The maxima of blocks therefore give the value that is exceeded once in
-    `WATCH_TIMES.return_time_s`, by a Gumbel distribution.
+    therefore pass their own watch.
+margin
+    Where the movement tells little of a muscle, this mean square varies much, and other recordings exceed it by chance.
+    The margin is the standard deviation of the largest values in blocks of the fitted recordings.
 floor, idle
     Envelopes below which a channel gives no signal, and below which its muscle is not active. A silence that lasts more
     than twice as long as the longest fitted one is a change, whatever the movement tells. The second counts only where
@@ -137,7 +138,6 @@ class WatchTimes:
     # Duration of a block whose largest error counts once [s]: several times the memory, so that blocks are independent
     maximum_block_s: float = 5.0
     min_maximum_count: int = 4  # Smallest number of blocks; those of short recordings are shorter
-    return_time_s: float = 3600.0  # Time in which an unchanged channel exceeds its usual error once [s]
     floor_share: float = 0.5  # Floor of a channel, as a share of its envelope at rest in the fitted recordings
     # Least floor, as a share of the root mean square: amplifiers have more noise. Chosen by judgement.
     min_floor_share: float = 0.01
@@ -650,21 +650,23 @@ def add_channel_watch(
         [_remembered_error(e, p, t.fs, WATCH_DEFAULTS.memory_s, means) for e, p, t in zip(x, made, first, strict=True)]
         for made in (within, left_out)
     ]
-    usual = np.max([_return_level([error for error, _ in own], first[0].fs) for own in each], axis=0)
+    usual, margin = np.max([_largest_and_spread([error for error, _ in own], first[0].fs) for own in each], axis=0)
     scales = np.concatenate([common for own in each for _, common in own])
     consequence, errors, residual = _consequences(card, trials, x)
     if not np.isfinite(consequence).all():
         return card
     features = [f"{what}.{angle}" for angle in card.angles for what in ("angle", "velocity")]
-    seen = consequence * (means[2] - usual) > WATCH_DEFAULTS.named_loss
-    silences = [
-        _silences(k, channel.rest, seen[k], x, first[0].fs, means[0][k]) for k, channel in enumerate(card.channels)
+    limit = np.maximum(WATCH_DEFAULTS.named_loss, consequence * margin)
+    seen = consequence * (means[2] - usual) > limit
+    others = [
+        (float(margin[k]), *_silences(k, channel.rest, seen[k], x, first[0].fs, means[0][k]))
+        for k, channel in enumerate(card.channels)
     ]
     channels = tuple(
         WatchedChannel(
             *map(float, numbers), tuple(_term(*each) for each in pattern.unscaled_coefficients(features).items()), *own
         )
-        for *numbers, pattern, own in zip(consequence, usual, *means, patterns, silences, strict=True)
+        for *numbers, pattern, own in zip(consequence, usual, *means, patterns, others, strict=True)
     )
     low, high = np.vstack(moved).min(axis=0), np.vstack(moved).max(axis=0)
     margin = _range_margin(low, high)
@@ -682,24 +684,22 @@ def add_channel_watch(
         errors=errors,
         common_low=float(min(1.0, scales.min())) / room,
         common_high=float(max(1.0, scales.max())) * room,
-        alike=_alike_pairs(names, x, left_out, consequence, usual),
+        alike=_alike_pairs(names, x, left_out, consequence, usual, limit),
     )
     return replace(card, watch=watch)
 
 
-def _return_level(errors: Sequence[np.ndarray], fs: float) -> np.ndarray:
-    """Return the error of each channel that is exceeded once in the return time, at least the largest one, (k,).
+def _largest_and_spread(errors: Sequence[np.ndarray], fs: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the largest error of each channel, and the standard deviation of the largest ones of blocks, (k,) each.
 
-    `errors` are mean squares, shape (n, k) each. The maxima of blocks follow a Gumbel distribution, fitted by moments.
+    `errors` are mean squares, shape (n, k) each.
     """
     count = sum(map(len, errors))
     length = min(round(WATCH_TIMES.maximum_block_s * fs), count // WATCH_TIMES.min_maximum_count)
     maxima = np.array(
         [block.max(axis=0) for own in errors for block in np.array_split(own, max(1, round(len(own) / length)))]
     )
-    scale = np.sqrt(6.0) / np.pi * np.std(maxima, axis=0, ddof=1)
-    level = np.mean(maxima, axis=0) + scale * (np.log(WATCH_TIMES.return_time_s * fs / length) - np.euler_gamma)
-    return np.maximum(level, maxima.max(axis=0))
+    return maxima.max(axis=0), np.std(maxima, axis=0, ddof=1)
 
 
 def _silences(
@@ -732,8 +732,9 @@ def _alike_pairs(
     made: Sequence[np.ndarray],
     consequence: np.ndarray,
     usual: np.ndarray,
+    limit: np.ndarray,
 ) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of channels whose exchange costs torque and leaves no more than the usual errors.
+    """Return the pairs of channels whose exchange costs torque, and no channel more than its `limit`, shape (k,).
 
     `x` are envelopes and `made` their patterns, shape (n, k) each.
     """
@@ -743,7 +744,8 @@ def _alike_pairs(
     left = square[None, :] - 2.0 * patterns.T @ envelopes / len(envelopes) + np.mean(patterns**2, axis=0)[:, None]
     loss = consequence[:, None] * (left - usual[:, None])
     cost = np.maximum.outer(consequence, consequence) * (square[:, None] + square[None, :] - 2.0 * together)
-    is_unnoticed = (cost > WATCH_DEFAULTS.max_loss) & (np.maximum(loss, loss.T) <= WATCH_DEFAULTS.named_loss)
+    is_named = loss > limit[:, None]
+    is_unnoticed = (cost > WATCH_DEFAULTS.max_loss) & ~(is_named | is_named.T)
     return tuple((names[i], names[k]) for i, k in combinations(range(len(names)), 2) if is_unnoticed[i, k])
 
 

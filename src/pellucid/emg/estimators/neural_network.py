@@ -78,12 +78,13 @@ class NeuralNetwork(PlainRegressor):
 
 def _unpack(packed: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return views of the weights of the neurons and of the output, and of their offsets."""
-    ends = np.cumsum([columns * HIDDEN_NEURON_COUNT, HIDDEN_NEURON_COUNT, HIDDEN_NEURON_COUNT]).tolist()
+    first = columns * HIDDEN_NEURON_COUNT
+    second, third = first + HIDDEN_NEURON_COUNT, first + 2 * HIDDEN_NEURON_COUNT
     return (
-        packed[: ends[0]].reshape(columns, HIDDEN_NEURON_COUNT),
-        packed[ends[0] : ends[1], None],
-        packed[ends[1] : ends[2]],
-        packed[ends[2] :],
+        packed[:first].reshape(columns, HIDDEN_NEURON_COUNT),
+        packed[first:second, None],
+        packed[second:third],
+        packed[third:],
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -60,7 +61,7 @@ class Ridge(PlainRegressor):
         self.mean_, self.scale_ = mean_and_scale(x, weight)
         # The product with a constant is a copy of its other factor, and would grow where the constant is another.
         constant = np.isinf(self.scale_[: X.shape[1]])[list(self.products)]
-        rows, columns = np.triu_indices(len(self.products))
+        rows, columns = _pairs(len(self.products))
         self.scale_[X.shape[1] :][constant[rows] | constant[columns]] = np.inf
         self.offset_ = float(np.mean(y) if weight is None else np.average(y, weights=weight))
         x, y = (x - self.mean_) / self.scale_, y - self.offset_
@@ -92,7 +93,7 @@ class Ridge(PlainRegressor):
         A product is named by its two factors with ``" * "`` between.
         """
         chosen = [names[i] for i in self.products]
-        terms = [*names, *(f"{chosen[i]} * {chosen[j]}" for i, j in zip(*np.triu_indices(len(chosen)), strict=True))]
+        terms = [*names, *(f"{chosen[i]} * {chosen[j]}" for i, j in zip(*_pairs(len(chosen)), strict=True))]
         slopes = self.coefficients_ / self.scale_
         return {"offset": self.offset_ - float(slopes @ self.mean_), **dict(zip(terms, slopes.tolist(), strict=True))}
 
@@ -101,8 +102,14 @@ class Ridge(PlainRegressor):
         if not len(self.products):
             return x
         chosen = x[:, list(self.products)]
-        rows, columns = np.triu_indices(chosen.shape[1])
+        rows, columns = _pairs(chosen.shape[1])
         return np.hstack([x, chosen[:, rows] * chosen[:, columns]])
+
+
+@lru_cache(maxsize=64)
+def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and columns of the products of so many features, their squares among them."""
+    return np.triu_indices(count)
 
 
 def _solve(system: tuple[np.ndarray, np.ndarray, np.ndarray], alpha: float) -> np.ndarray:

@@ -117,11 +117,12 @@ class WatchedChannel:
     """A channel as it was in the calibration; the core's `WatchedChannelParams`."""
 
     consequence: float  # Share of the torque's variance by squared error of the envelope
-    usual: float  # Largest mean square error of its pattern that the fitted recordings allow for
+    usual: float  # Largest mean square error of its pattern in the fitted recordings
     square: float  # Mean square of the envelope
     product: float  # Mean product of envelope and pattern
     pattern_square: float  # Mean square of the pattern
     pattern: tuple[EstimatorTerm, ...]  # Envelope by angles and their rates
+    margin: float = 0.0  # Mean square error by which other recordings may exceed it by chance
     floor: float = 0.0  # Envelope below which the channel gives no signal
     floor_seconds: float = 0.0  # Time below it that is a change [s]; 0: none is
     idle: float = 0.0  # Envelope below which its muscle is not active

@@ -103,8 +103,11 @@ def _step(gradient, normal, damping, lowest, highest, free) -> np.ndarray:
     damped = normal + np.diag(damping * np.maximum(scale, 1e-12 * scale.max(initial=1e-300)))
     step, free = np.zeros(len(gradient)), free.copy()
     while free.any():
-        inner = np.ix_(free, free)
-        step[free] = np.linalg.solve(damped[inner], -(gradient + damped[:, ~free] @ step[~free])[free])
+        if free.all():
+            step = np.linalg.solve(damped, -gradient)
+        else:
+            inner = np.ix_(free, free)
+            step[free] = np.linalg.solve(damped[inner], -(gradient + damped[:, ~free] @ step[~free])[free])
         beyond = free & ((step < lowest) | (step > highest))
         if not beyond.any():
             break
