@@ -17,9 +17,11 @@
 // Friction swallows the wave while the joint stands, so that only windows in which it mostly moves count.
 //
 // Until there is enough evidence of a fault, the joint is moved by a drive that nobody vouches for. So the way that it
-// goes since drive and encoder were last heard is bounded, too: a drive that is stuck at T gives no more than T times it.
-// The way counts at once, with that of windows that are not whole yet: at the velocity limit a window is most of it.
-// Evidence that nothing answers shortens it.
+// goes since drive and encoder were last heard is bounded, too: a drive that is stuck at T gives no more than T times the
+// way in one direction, and takes as much on the way back. Ways forth and back are therefore counted apart, each with its
+// own bound. All of a way counts, however slow the joint is and whatever a law at its limit leaves of the probe; only what
+// trembles to and fro by less than a share of the bound does not. It counts at once, with the way of windows that are not
+// whole yet: at the velocity limit a window is most of it. Evidence that nothing answers shortens the bound.
 //
 // They are heard where the evidence for them, against reversed, doubled and unanswered, has summed up to a log-likelihood
 // ratio of `probe_heard_evidence` over windows (A. Wald, "Sequential tests of statistical hypotheses", Annals of
@@ -74,9 +76,8 @@ constexpr double probe_heard_evidence = 3;
 /// Sum over the waves of the answer's power over that of the noise, from which on something answers, whatever it is.
 /// The noise alone is as large in one of 1,900 windows: it is a sum of three exponential variables.
 constexpr double probe_loud_answer = 12;
-/// Share of the waves' power that a window must have been asked for, so that its way counts: a law at its limit of
-/// effort leaves the probe no room. The lag of the drive's torque loop alone leaves about a quarter.
-constexpr double probe_asked_share = 0.05;
+/// Half of the way to and fro that counts as none, as a share of the way that the joint may go: a hand that trembles.
+constexpr double probe_idle_share = 0.02;
 /// Largest share of the way that evidence of no answer takes away: one blow can bring half of the evidence of a fault.
 constexpr double probe_doubted_share = 1.0 / 3;
 /// Delays that are looked for: multiples of this one [s], from the second on.
@@ -102,7 +103,7 @@ template <class S> struct ProbeWatchParams {
     visit(p.evidence, {"probe_evidence", unit::one, above(0),
                        "log-likelihood ratio of a fault: false alarms are rarer than one in e^this windows"});
     visit(p.travel, {"probe_travel", unit::coordinate, above(0).or_infinite(),
-                     "way that the joint may go while its drive is not heard; infinite: any"});
+                     "way in one direction that the joint may go while its drive is not heard; infinite: any"});
     visit(p.energy, {"probe_energy", unit::energy, above(0).or_infinite(),
                      "energy that a drive with three times the gain may add before detection; infinite: any"});
     visit(p.answer_error, {"probe_answer_error", unit::one, at_least(0),
@@ -128,7 +129,7 @@ template <class S> struct ProbeWatchCoefficients {
   S floor[probe_bin_count]{};                  ///< mean square of a lock-in due to the encoder's noise [(N m)^2]
   S inertia_rate{};                            ///< inertia over period [N m s/rad]
   S period{};                                  ///< [s]
-  S asked_least{};                             ///< sum of the waves' powers from which on a window's way counts [(N m)^2]
+  S idle{};                                    ///< half of the way to and fro that counts as none [rad]
   S smoothing{};                               ///< share of a new velocity in the smooth one [1]
   std::uint32_t valid = 0;                     ///< 1: the parameters make sense
 };
@@ -144,9 +145,7 @@ template <class S> ProbeWatchCoefficients<S> coefficients(const ProbeWatchParams
   for (std::uint32_t i = 0; i <= probe_bin_count; ++i) c.turn[i] = sincos(cycle * static_cast<S>(probe_cycles[i]));
   c.inertia_rate = p.inertia / period;
   c.period = period;
-  // A wave alone has a lock-in of a quarter of the periods, since Hann weights sum up to half of their number.
-  const S whole = S(0.25) * static_cast<S>(p.samples) * p.effort;
-  c.asked_least = S(probe_asked_share * probe_wave_count) * whole * whole;
+  c.idle = S(probe_idle_share) * p.travel;
   c.smoothing = period < S(0.016) ? period / S(0.016) : S(1);
   for (std::uint32_t i = 0; i < probe_bin_count; ++i) {
     // The second difference of a wave is 2 (1 - cos) of it; the squares of Hann weights sum up to 3/8 of their number.
@@ -176,7 +175,7 @@ template <class S> struct ProbeWindowState {
   ProbePhasor<S> answer[probe_bin_count]{};  ///< inertia times acceleration, at the waves and between [N m]
   ProbePhasor<S> asked[probe_wave_count]{};  ///< effort asked for, at the waves [N m]
   S moving{};                                ///< Hann weights of the periods in which the joint moves [1]
-  S way{};                                   ///< way in those, by their weights: two windows share each period's [rad]
+  S way[2]{};                                ///< way forth and back, by weights: two windows share each period's [rad]
 };
 
 template <class S> struct ProbeWatchState {
@@ -194,7 +193,8 @@ template <class S> struct ProbeWatchState {
   S noise[2]{};                                 ///< mean squares of what lies between the waves [(N m)^2]
   S sum[probe_sum_count]{};                     ///< evidence: reversed, gain, unanswered, delays [1]
   S heard{};                                    ///< evidence that drive and encoder are right, since they were heard [1]
-  S way{};                                      ///< way since then [rad]
+  S way[2]{};                                   ///< way since then, forth and back [rad]
+  S apart{};                                    ///< how far the joint is from the middle of what counts as no way [rad]
   S added{};                                    ///< energy that three times the gain would have added since then [J]
 };
 
@@ -249,6 +249,11 @@ template <class S> bool is_known(const ProbeWatchState<S>& s) noexcept {
   return s.learnt >= probe_learning_windows && windows * precision >= S(probe_known_precision);
 }
 
+/// Drive and encoder were right in the window that ended.
+template <class S> void count_as_heard(ProbeWatchState<S>& s) noexcept {
+  s.heard = s.way[0] = s.way[1] = s.added = S(0);
+}
+
 /// Return the fault after a whole window, if any, and update the learnt response of the robot from it.
 template <class S>
 SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, const ProbeWindowState<S>& w) noexcept {
@@ -280,7 +285,7 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
     S loud = S(0);
     for (std::uint32_t i = 0; i < probe_wave_count; ++i)
       loud = loud + square(w.answer[i]) / max(c.floor[i] + noise[i], S(std::numeric_limits<float>::min()));
-    if (loud >= S(probe_loud_answer)) s.way = s.added = S(0);
+    if (loud >= S(probe_loud_answer)) count_as_heard(s);
     if (teaches) learn(s, w);
     return SafetyFault::none;
   }
@@ -313,7 +318,7 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
   for (std::uint32_t k = 0; k < probe_delay_count; ++k) likelihood[3 + k] = S(2) * late[k] - power;
   const S wrongs = max(likelihood[0], max(likelihood[1], likelihood[2]));
   s.heard = max(s.heard + healthy - wrongs, S(0));
-  if (s.heard >= S(probe_heard_evidence)) s.heard = s.way = s.added = S(0);
+  if (s.heard >= S(probe_heard_evidence)) count_as_heard(s);
   // What is found is what explains this window best.
   std::uint32_t best = 0;
   bool is_found = false, is_doubtful = false;
@@ -331,9 +336,10 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
   return best < 3 ? verdicts[best] : SafetyFault::late_answer;
 }
 
-/// The way since drive and encoder were heard [rad], with that of windows that are not whole yet.
+/// The longer way, forth or back, since drive and encoder were heard [rad], with that of windows that are not whole yet.
 template <class S> S way_of(const ProbeWatchState<S>& s) noexcept {
-  return s.way + s.window[0].way + s.window[1].way;
+  const ProbeWindowState<S>&a = s.window[0], &b = s.window[1];
+  return max(s.way[0] + a.way[0] + b.way[0], s.way[1] + a.way[1] + b.way[1]);
 }
 
 /// The way that the joint may go now while its drive is not heard [rad].
@@ -346,9 +352,7 @@ template <class S>
 SafetyFault end_window(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, std::uint32_t which) noexcept {
   const ProbeWindowState<S> ended = s.window[which];
   s.window[which] = {};
-  S asked = S(0);
-  for (const ProbePhasor<S>& one : ended.asked) asked = asked + square(one);
-  if (asked >= c.asked_least) s.way = s.way + ended.way;
+  for (std::uint32_t k = 0; k < 2; ++k) s.way[k] = s.way[k] + ended.way[k];
   return judge(c, s, ended);
 }
 
@@ -366,6 +370,10 @@ SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, cons
   if (!is_finite(s.slow)) s.slow = S(0);
   s.due = asked + late * (s.due - asked);
   const S moves = abs(s.slow) > c.params.moving ? S(1) : S(0);
+  s.apart = s.apart + velocity * c.period;
+  if (!is_finite(s.apart)) s.apart = S(0);
+  const S gone = s.apart - clamp(s.apart, -c.idle, c.idle);
+  s.apart = s.apart - gone;
   const S weights[2] = {S(0.5) * (S(1) - s.phase[probe_bin_count].real), S(0.5) * (S(1) + s.phase[probe_bin_count].real)};
   for (std::uint32_t k = 0; k < 2; ++k) {
     ProbeWindowState<S>& w = s.window[k];
@@ -379,7 +387,8 @@ SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, cons
       w.asked[i].imaginary = w.asked[i].imaginary - given * now.imaginary;
     }
     w.moving = w.moving + weights[k] * moves;
-    w.way = w.way + weights[k] * moves * c.period * abs(s.slow);
+    w.way[0] = w.way[0] + weights[k] * max(gone, S(0));
+    w.way[1] = w.way[1] + weights[k] * max(-gone, S(0));
   }
   for (std::uint32_t i = 0; i <= probe_bin_count; ++i)
     s.phase[i] = times(s.phase[i], ProbePhasor<S>{c.turn[i].cos, c.turn[i].sin});

@@ -290,13 +290,12 @@ void travel() {
   auto r = usual<double>();
   r.noise = 0, r.travel = 0.5;
   const auto c = p::coefficients(r, 1e-3);
-  check_close(c.asked_least, 0.05 * 3 * 6.0 * 6.0, 1e-9, "a twentieth of the waves' power: each has 120/4 times 0.2");
   p::ProbeWindowState<double> w;
   const auto fill = [&w](double asked, double answer, double noise, double way) {
     w = {};
     for (int i = 0; i < 3; ++i) w.asked[i] = {asked, 0.0}, w.answer[i] = {answer, 0.0};
     w.answer[3] = w.answer[4] = {noise, 0.0};
-    w.moving = 60, w.way = way;
+    w.moving = 60, w.way[0] = way;
   };
   const auto end = [&c](p::ProbeWatchState<double>& s, const p::ProbeWindowState<double>& window) {
     s.window[0] = window;
@@ -311,20 +310,24 @@ void travel() {
   // Nothing answers among so much noise that no window says anything: the way counts, up to its limit.
   know();
   fill(6, 0, 1000, 0.3);
-  check(end(s, w) == F::none && s.way == 0.3, "not heard");
-  fill(1.3, 0, 1000, 0.3);
-  check(end(s, w) == F::none && s.way == 0.3, "a window that was hardly asked for does not count");
-  fill(1.4, 0, 1000, 0.2);
-  check(end(s, w) == F::none && s.way == 0.5, "as far as it may");
+  check(end(s, w) == F::none && s.way[0] == 0.3, "not heard");
+  fill(0, 0, 1000, 0.2);
+  w.moving = 0;
+  check(end(s, w) == F::none && s.way[0] == 0.5, "as far as it may, although nothing was asked and it hardly moved");
   s.sum[2] = 0;
   check(p::step(c, s, 0.0, 0.0, 0.0) == F::none, "which is no fault yet");
-  s.way = 0.5001;
-  check(p::step(c, s, 0.0, 0.0, 0.0) == F::unanswered, "and no further");
+  for (int k = 0; k < 2; ++k) {
+    s.way[k] = 0.5001, s.way[1 - k] = 0;
+    check(p::step(c, s, 0.0, 0.0, 0.0) == F::unanswered, "and no further, forth or back");
+    s.way[k] = 0.4999, s.way[1 - k] = 0.4999;
+    check(p::step(c, s, 0.0, 0.0, 0.0) == F::none, "each way has its own bound");
+  }
+  s.way[1] = 0;
   // Windows that are not whole yet count, too, each with its way.
-  s.way = 0.2, s.window[0].way = 0.2, s.window[1].way = 0.0999;
+  s.way[0] = 0.2, s.window[0].way[0] = 0.2, s.window[1].way[0] = 0.0999;
   check_close(p::way_of(s), 0.4999, 1e-12, "three parts of the way");
   check(p::step(c, s, 0.0, 0.0, 0.0) == F::none, "together within it");
-  s.window[1].way = 0.1001;
+  s.window[1].way[0] = 0.1001;
   check(p::step(c, s, 0.0, 0.0, 0.0) == F::unanswered, "or beyond it, within a window");
   // Evidence that nothing answers shortens it by as large a share, up to a third. Other evidence does not.
   s = {};
@@ -333,9 +336,9 @@ void travel() {
     s.sum[2] = share * c.params.evidence;
     check_close(p::allowed_way(c, s), 0.5 * (1 - (share < 0.34 ? share : 1.0 / 3)), 1e-12, "the way that is left");
   }
-  s.way = 0.334;
+  s.way[0] = 0.334;
   check(p::step(c, s, 0.0, 0.0, 0.0) == F::unanswered, "a doubted drive goes less far");
-  s.way = 0.333;
+  s.way[0] = 0.333;
   check(p::step(c, s, 0.0, 0.0, 0.0) == F::none, "but not at once");
   // A right answer ends it, at the evidence of 3 and not before.
   s = {};
@@ -345,52 +348,81 @@ void travel() {
   const double variance = 36 + (1 + 6.0 / 600) * 0.03 * 36, power = 3 * 36 / variance, one = power;  // against none at all
   check(end(s, w) == F::none, "a right answer");
   check_close(s.heard, one, 1e-9, "its evidence against nothing, the nearest of the faults");
-  check(s.way == 0.3, "is not enough alone");
+  check(s.way[0] == 0.3, "is not enough alone");
   know();
-  check(end(s, w) == F::none && s.way == 0.0 && s.heard == 0.0, "two are");
+  check(end(s, w) == F::none && s.way[0] == 0.0 && s.heard == 0.0, "two are");
   for (const double more : {-0.01, 0.01}) {
     know();
-    s.heard = 3 - one + more, s.way = 0.1;
-    check(end(s, w) == F::none && (s.way == 0) == (more > 0), "at the evidence of 3");
+    s.heard = 3 - one + more, s.way[0] = s.way[1] = 0.1;
+    const bool is_heard = end(s, w) == F::none && s.way[0] == 0 && s.way[1] == 0;
+    check(is_heard == (more > 0) && (is_heard || s.way[1] == 0.1), "at the evidence of 3");
   }
-  s.way = s.heard = 0;
+  s.way[0] = s.way[1] = s.heard = 0;
   fill(6, -6, 6, 0.3);
   s.heard = 2;
   know();
-  check(end(s, w) == F::none && s.heard == 0.0 && s.way == 0.3, "a reversed one speaks against it");
+  check(end(s, w) == F::none && s.heard == 0.0 && s.way[0] == 0.3, "a reversed one speaks against it");
   // Before it is known what the robot answers, something must answer.
   for (const double answer : {1.9, 2.0, 2.1}) {
     s = {};
     fill(6, answer, 1, 0.3);
-    check(end(s, w) == F::none && s.way == (answer < 2 ? 0.3 : 0.0), "the answer's power is twelve times the noise's");
+    check(end(s, w) == F::none && s.way[0] == (answer < 2 ? 0.3 : 0.0), "the answer's power is twelve times the noise's");
   }
-  // In a joint that stands nothing is heard, and it goes nowhere.
+  // In a joint that stands nothing is heard.
   s = {};
   s.learnt = 600;
   know();
   fill(6, 6, 0, 0.3);
   w.moving = 29;
-  check(end(s, w) == F::none && s.way == 0.3 && s.heard == 0.0, "hardly moved");
-  // The two windows share the way of a joint that moves.
+  check(end(s, w) == F::none && s.way[0] == 0.3 && s.heard == 0.0, "hardly moved");
+  // The two windows share the way of a joint that goes forth and back, each with its part of it.
   Joint<double> j;
   j.c.params.travel = 1e9, j.gain = 0, j.fastest = 4;
-  double gone = 0;
+  check(j.c.idle == never, "of an endless way");
+  j.c.idle = 0.01;
+  double gone[2] = {};
   for (int k = 0; k < 20000; ++k) {
     j.period();
-    if (std::fabs(j.s.slow) > 0.1) gone += 1e-3 * std::fabs(j.s.slow);
+    gone[0] += 1e-3 * std::fmax(j.s.slow, 0.0), gone[1] += 1e-3 * std::fmax(-j.s.slow, 0.0);
   }
-  check(j.s.way <= gone && j.s.way > 0.97 * gone - 0.2, "each period counts once");
+  for (int k = 0; k < 2; ++k) check(j.s.way[k] <= gone[k] && j.s.way[k] > 0.93 * gone[k] - 0.2, "each period counts once");
+  // However slow the joint is, its way counts, and what trembles by less than a share of the bound does not.
+  auto bounded_way = usual<double>();
+  bounded_way.travel = 0.5;
+  const auto near = p::coefficients(bounded_way, 1e-3);
+  check_close(near.idle, 0.01, 1e-12, "a fiftieth of the way that it may go");
+  for (const double direction : {1.0, -1.0}) {
+    p::ProbeWatchState<double> slow;
+    double from = 0;
+    while (p::step(near, slow, direction * 0.02, 0.0, 0.0) == F::none && from < 1) from += 0.02e-3;
+    check(from > 0.5 && from < 0.512, "a creeping joint is stopped where its way ends");
+  }
+  p::ProbeWatchState<double> trembles, sways;
+  F found_trembling = F::none, found_swaying = F::none;
+  for (int k = 0; k < 60000; ++k) {
+    const double phase = 6.283185307179586 * 6 * 1e-3 * k, rate = 6.283185307179586 * 6 * std::cos(phase);
+    found_trembling = p::step(near, trembles, 0.0098 * rate, 0.0, 0.0);
+    if (found_swaying == F::none) found_swaying = p::step(near, sways, 0.02 * rate, 0.0, 0.0);
+  }
+  check(found_trembling == F::none && p::way_of(trembles) == 0, "a hand that trembles goes nowhere");
+  check(found_swaying == F::unanswered, "one that sways by more goes somewhere");
+  trembles.apart = std::numeric_limits<double>::quiet_NaN();
+  check(p::step(near, trembles, 0.0, 0.0, 0.0) == F::none && trembles.apart == 0, "a place without a number begins anew");
   // A drive that dies is lost within its way, however much evidence its death needs.
   for (const double way : {0.4, 0.8}) {
     Joint<double> dies;
     dies.fastest = 5 * way;
-    dies.c.params.travel = way, dies.c.params.evidence = 1e9;
+    dies.c.params.travel = way, dies.c.idle = 0.02 * way, dies.c.params.evidence = 1e9;
     check(dies.found(10300) == F::none, "heard while it lives");
     dies.gain = 0;
-    double from = 0;
+    double went[2] = {};
     F found = F::none;
-    for (int k = 0; k < 5000 && found == F::none; ++k) found = dies.period(), from += 1e-3 * std::fabs(dies.s.slow);
-    check(found == F::unanswered && from >= 0.9 * way && from <= 1.2 * way, "within its way and a part of a window");
+    for (int k = 0; k < 9000 && found == F::none; ++k) {
+      found = dies.period();
+      went[0] += 1e-3 * std::fmax(dies.s.slow, 0.0), went[1] += 1e-3 * std::fmax(-dies.s.slow, 0.0);
+    }
+    const double from = std::fmax(went[0], went[1]);
+    check(found == F::unanswered && from >= 0.9 * way && from <= 1.2 * way, "within its way and what turns leave out");
   }
   // The law's effort is its own until half of the energy is used, and falls in proportion to what is left.
   auto some = usual<double>();
@@ -439,7 +471,7 @@ void one_period() {
       p::ProbeWatchState<double> moves;
       for (int k = 0; k < 9; ++k) p::step(c, moves, way * speed, 0.0, 0.0);
       check((moves.window[0].moving > 0) == (speed > 0.125), "faster than that it moves");
-      check((moves.window[0].way > 0) == (speed > 0.125) && moves.slow == way * speed && moves.velocity == way * speed, "and goes its way");
+      check(moves.slow == way * speed && moves.velocity == way * speed, "and goes its way");
     }
   for (const double late : {0.0, 0.5, 0.75}) {
     p::ProbeWatchState<double> follows;
@@ -450,7 +482,7 @@ void one_period() {
   auto senseless = usual<double>();
   senseless.samples = 201;
   const auto none = p::coefficients(senseless, 1e-3);
-  check(none.valid == 0 && none.smoothing == 0 && none.asked_least == 0 && none.floor[0] == 0, "without sense nothing is computed");
+  check(none.valid == 0 && none.smoothing == 0 && none.idle == 0 && none.floor[0] == 0, "without sense nothing is computed");
 }
 
 /// A commissioned robot is judged from its first movement on, against what it answered then.

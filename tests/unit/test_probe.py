@@ -54,11 +54,18 @@ def test_rules_of_amplitude_window_and_noise():
     speed = PROBE_CREST * PROBE_ACCELERATION / (2.0 * math.pi * 5 / 0.12)
     assert s["probe_moving"] == pytest.approx(max(0.1, 2.0 * speed))
     assert s["probe_evidence"] == 25.0
-    effort, speed = (law().values[name] for name in ("effort_limit", "velocity_limit"))
-    shortest, longest = (time * speed for time in UNHEARD_S)
-    assert s["probe_travel"] == pytest.approx(min(max(2.0 * STUCK_ENERGY_J / effort, shortest), longest))
     assert s["probe_energy"] == MAX_UNHEARD_ENERGY_J
     assert probe_numbers(INERTIA, 1e-5, limit=10.0, period=0.001)["probe_travel"] == math.inf
+
+
+def test_a_drive_may_go_unheard_as_far_as_its_own_effort_allows():
+    """A law that needs little effort makes no drive weaker; its limit counts where that of the drive is not known."""
+    shortest, longest = (time * 10.0 for time in UNHEARD_S)
+    for drive, expected in ((7.0, 2.0 * STUCK_ENERGY_J / 7.0), (20.0, shortest), (1.0, longest)):
+        for effort in (5.0, 10.0):
+            s = probed(law(effort_limit=effort), drive_limit=drive).supervision
+            assert s["probe_travel"] == pytest.approx(expected)
+    assert probed(law(effort_limit=8.0)).supervision["probe_travel"] == pytest.approx(2.0 * STUCK_ENERGY_J / 8.0)
 
 
 def test_a_coarse_encoder_needs_a_larger_wave():
@@ -103,7 +110,7 @@ def test_not_above_a_share_of_the_limit():
     assert probed(law(effort_limit=2.0 * limit)).supervision["probe_effort"] == pytest.approx(
         PROBE_ACCELERATION * INERTIA
     )
-    with pytest.raises(PellucidError, match=r"probe: found that .* need a wave of .* 0.15 of the effort limit"):
+    with pytest.raises(PellucidError, match=r"probe: found that .* need a wave of .* 0.25 of the effort limit"):
         probed(law(effort_limit=0.332 * limit), encoder_resolution=1e-5)
     with pytest.raises(PellucidError, match=r"that inertia and encoder need"):
         probed(law(), encoder_resolution=1e-2)
@@ -119,15 +126,19 @@ def test_not_without_an_inertia():
 @pytest.mark.parametrize("limit", [3.0, 5.0, 10.0, 40.0, 200.0])
 @pytest.mark.parametrize("speed", [0.5, 2.0, 8.0, 20.0, 60.0])
 def test_a_stuck_drive_gives_its_energy_on_the_way_that_is_left_to_it(limit, speed):
-    """Stuck at half of the limit it gives 4.6 J, unless the velocity limit makes 0.115 s or 0.24 s of way of it."""
-    travel = probe_numbers(INERTIA, 1e-5, limit=limit, period=1e-3, speed_limit=speed)["probe_travel"]
+    """Stuck at half of its effort it gives 4.6 J, unless the velocity limit makes 0.108 s or 0.16 s of way of it."""
+    numbers = {"limit": 10.0, "period": 1e-3, "speed_limit": speed, "drive_limit": limit}
+    travel = probe_numbers(INERTIA, 1e-5, **numbers)["probe_travel"]
     half = 0.5 * limit
-    if 0.115 * speed * half > 4.6:
-        assert travel == pytest.approx(0.115 * speed)
-    elif 0.24 * speed * half < 4.6:
-        assert travel == pytest.approx(0.24 * speed)
+    if 0.108 * speed * half > 4.6:
+        assert travel == pytest.approx(0.108 * speed)
+    elif 0.16 * speed * half < 4.6:
+        assert travel == pytest.approx(0.16 * speed)
     else:
         assert half * travel == pytest.approx(4.6)
+    unknown = numbers | {"limit": limit, "drive_limit": math.inf}
+    if limit > 3.0:
+        assert probe_numbers(INERTIA, 1e-5, **unknown)["probe_travel"] == travel
 
 
 def test_a_wave_that_nobody_feels_and_every_encoder_shows():
@@ -140,7 +151,7 @@ def test_a_wave_that_nobody_feels_and_every_encoder_shows():
         fastest = 9.0 * math.sqrt(5.0) * 0.12 / (2.0 * math.pi * 5)
         assert numbers["probe_moving"] == pytest.approx(max(0.1, 2.0 * fastest))
     slow = probe_numbers(INERTIA, 1e-5, limit=20.0 * INERTIA * 2.3, period=1e-3)
-    assert slow["probe_moving"] == pytest.approx(max(0.1, 2.0 * 0.12 * 0.15 * 46.0 / (2.0 * math.pi * 5)))
+    assert slow["probe_moving"] == pytest.approx(max(0.1, 2.0 * 0.12 * MAX_PROBE_SHARE * 46.0 / (2.0 * math.pi * 5)))
 
 
 def test_answers_at_commissioning_are_the_supervisors_numbers():

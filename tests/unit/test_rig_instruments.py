@@ -92,7 +92,10 @@ def test_what_one_joint_states(tmp_path):
 def test_a_study_that_states_none_has_the_usual_ones(tmp_path):
     before, _, rest = ONE.partition("[rig.instruments]")
     text = before + "[channels]" + rest.partition("[channels]")[2]
-    assert instruments_of(tmp_path, text) == [Instruments()]
+    (found,) = instruments_of(tmp_path, text)
+    assert found == Instruments(drive_limit=found.drive_limit)
+    assert found.drive_limit == pytest.approx(0.06 * 28.0 * 8.0), "the drive's effort is known without a sensor of it"
+    assert instruments_of(tmp_path, text.replace('limit = "8 A"\n', "")) == [Instruments()]
 
 
 def test_a_spring_measures_the_drive(tmp_path):

@@ -39,13 +39,13 @@ ELBOW_DRIVE_LIMIT_NM = 13.44
 FORCE_SENSOR_RANGE_NM = 25.0
 """Range of the elbow's force sensor."""
 
-UNMEASURED = Instruments()
-"""Instruments of an export of which the study says nothing: its drive is asked by a probe."""
+UNMEASURED = Instruments(drive_limit=ELBOW_DRIVE_LIMIT_NM)
+"""Instruments of an export whose study states the drive and no instruments: a probe asks the drive."""
 
-BLIND = Instruments(probe=False)
+BLIND = replace(UNMEASURED, probe=False)
 """The same where a probe was refused: `--no-probe --unmeasured`."""
 
-SHAKING = Instruments(shaking=True)
+SHAKING = replace(UNMEASURED, shaking=True)
 """Instruments of an export that watches for shaking, too."""
 
 DRIVE_MEASURED = Instruments(drive=True, drive_limit=ELBOW_DRIVE_LIMIT_NM, force_range=FORCE_SENSOR_RANGE_NM)

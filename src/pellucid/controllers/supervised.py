@@ -42,10 +42,11 @@ PROBE_WINDOW_S = 0.12
 MAX_PROBE_PERIOD_S = 0.002
 """Longest control period at which a law may probe: the highest wave then has more than four samples a cycle."""
 
-MAX_PROBE_SHARE = 0.15
+MAX_PROBE_SHARE = 0.25
 """Largest value of the whole wave, as a share of the law's effort limit [1].
 
-An elbow's compensation, whose limit is the effort that it needs, takes 0.13."""
+A law whose limit is the effort that it needs takes all of it: with 0.15, a window shows little more of such a law's drive
+than of the encoder's noise."""
 
 PROBE_CREST = math.sqrt(5.0)
 """Largest value of the whole wave, relative to the amplitude of one of its three waves [1]."""
@@ -74,16 +75,17 @@ MIN_PROBE_SPEED = 0.1
 """Speed below which friction may swallow the wave at any amplitude [rad/s or m/s]."""
 
 
-UNHEARD_S = (0.115, 0.24)
-"""Times at the velocity limit whose ways are the shortest and the longest that the joint may go while its drive is not
-heard. A law with little effort may go further: see `STUCK_ENERGY_J`. The shortest is more than the 0.09 s of way that
-windows of the probe hold which have not ended yet."""
+UNHEARD_S = (0.108, 0.16)
+"""Times at the velocity limit whose ways are the shortest and the longest that the joint may go, forth or back, while its
+drive is not heard: see `STUCK_ENERGY_J`. The shortest is more than the 0.09 s of way that windows of the probe hold which
+have not ended yet. With 0.1 s, two of 192 tuning wearers stopped whom 0.1075 s let go on; with a limit of 4.5 rad/s, the
+longest way of 16 of them in 4 h would have taken 0.114 s."""
 
 STUCK_ENERGY_J = 4.6
-"""Energy that a drive which is stuck at half of the law's effort limit gives on that way, between both bounds [J].
+"""Energy that a drive which is stuck at half of its largest effort gives on that way, between both bounds [J].
 
-It is 0.92 rad for a limit of 10 N m. The robot's weight, which a stuck drive leaves to the wearer, adds to it. On
-foreign plants of 20261105 drives stuck at 5 N m gave at most 4.65 J with 0.90 rad and with 1.00 rad."""
+A law that needs little effort makes no drive weaker, so that its own limit counts only where that of the drive is not
+known. The robot's weight, which a stuck drive leaves to the wearer, adds to it."""
 
 
 MAX_UNHEARD_ENERGY_J = 4.0
@@ -127,7 +129,13 @@ def probe_samples(period: float) -> int:
 
 
 def probe_numbers(
-    inertia: float, resolution: float, *, limit: float, period: float, speed_limit: float = math.inf
+    inertia: float,
+    resolution: float,
+    *,
+    limit: float,
+    period: float,
+    speed_limit: float = math.inf,
+    drive_limit: float = math.inf,
 ) -> Mapping[str, float]:
     """Return the supervisor's numbers of the probe by name, SI.
 
@@ -143,6 +151,8 @@ def probe_numbers(
         Control period [s].
     speed_limit : float
         Velocity limit of the law [rad/s or m/s]; infinite where it has none, and the way is not bounded then.
+    drive_limit : float
+        Largest effort of the drive at the joint [N m or N]; infinite where it is not known.
 
     Raises
     ------
@@ -168,13 +178,15 @@ def probe_numbers(
     samples = probe_samples(period)
     slowest = 2.0 * math.pi * PROBE_CYCLES[0] / (samples * period)
     speed = PROBE_CREST * amplitude / (inertia * slowest)
+    stuck = 0.5 * (drive_limit if math.isfinite(drive_limit) else limit)
+    shortest, longest = (time * speed_limit for time in UNHEARD_S)
     return {
         "probe_effort": amplitude,
         "probe_samples": float(samples),
         "probe_inertia": inertia,
         "probe_noise": resolution / PROBE_READING_ERRORS,
         "probe_moving": max(MIN_PROBE_SPEED, PROBE_SPEED_MARGIN * speed),
-        "probe_travel": min(max(2.0 * STUCK_ENERGY_J / limit, UNHEARD_S[0] * speed_limit), UNHEARD_S[1] * speed_limit),
+        "probe_travel": min(max(STUCK_ENERGY_J / stuck, shortest), longest),
         "probe_energy": MAX_UNHEARD_ENERGY_J,
     }
 
@@ -945,7 +957,9 @@ def supervision_of(
         made["test_least"], made["test_most"] = commissioned_bounds(instruments.start_up_answer)
     if instruments.probe:
         resolution = complete.encoder_resolution
-        made |= probe_numbers(inertia, resolution, limit=effort, period=period, speed_limit=speed)
+        made |= probe_numbers(
+            inertia, resolution, limit=effort, period=period, speed_limit=speed, drive_limit=instruments.drive_limit
+        )
         made |= commissioned_answers(instruments.probe_answer)
         made |= {
             "still_samples": round(STILL_S / period),

@@ -54,6 +54,7 @@ def list_instruments(
         add("its offset", "drive_offset", effort)
         add("its noise, standard deviation", "drive_noise", effort)
         add("its lag", "drive_lag", "s")
+    if used.drive or used.probe:
         add("largest effort of the drive", "drive_limit", effort)
     add("range of the force sensor", "force_range", effort)
     add("relative error of the force sensor", "force_gain_error", "")

@@ -57,9 +57,10 @@ def rig_instruments(joint: JointTable | SeveralJoints) -> Instruments:
         sensor = DriveSensor()
     if sensor is not None and sensor.present:
         given |= {name: getattr(sensor, key) for key, name in DRIVE_SENSOR_KEYS.items()}
-        # A voltage limits the effort only together with the speed.
-        if given["drive_limit"] is None and drive is not None and drive.limit is not None and drive.kind != "voltage":
-            given["drive_limit"] = drive_model(joint).gain * drive.limit
+    # A voltage limits the effort only together with the speed.
+    is_limited = drive is not None and drive.limit is not None and drive.kind != "voltage"
+    if is_limited and given.get("drive_limit") is None:
+        given["drive_limit"] = drive_model(joint).gain * drive.limit
     if table.force_sensor is not None:
         given |= {name: getattr(table.force_sensor, key) for key, name in FORCE_SENSOR_KEYS.items()}
     return Instruments(**{name: value for name, value in given.items() if value is not None})
