@@ -45,8 +45,8 @@ MAX_PROBE_PERIOD_S = 0.002
 MAX_PROBE_SHARE = 0.25
 """Largest value of the whole wave, as a share of the law's effort limit [1].
 
-A law whose limit is the effort that it needs takes all of it: with 0.15, a window shows little more of such a law's drive
-than of the encoder's noise."""
+A law whose limit is the effort that it needs takes all of it: with 0.15, a window shows little more of such a law's
+drive than of the encoder's noise."""
 
 PROBE_CREST = math.sqrt(5.0)
 """Largest value of the whole wave, relative to the amplitude of one of its three waves [1]."""
@@ -76,10 +76,10 @@ MIN_PROBE_SPEED = 0.1
 
 
 UNHEARD_S = (0.108, 0.16)
-"""Times at the velocity limit whose ways are the shortest and the longest that the joint may go, forth or back, while its
-drive is not heard: see `STUCK_ENERGY_J`. The shortest is more than the 0.09 s of way that windows of the probe hold which
-have not ended yet. With 0.1 s, two of 192 tuning wearers stopped whom 0.1075 s let go on; with a limit of 4.5 rad/s, the
-longest way of 16 of them in 4 h would have taken 0.114 s."""
+"""Times at the velocity limit whose ways are the shortest and the longest that the joint may go, forth or back, while
+its drive is not heard: see `STUCK_ENERGY_J`. The shortest is more than the 0.09 s of way that windows of the probe hold
+which have not ended yet. With 0.1 s, two of 192 tuning wearers stopped whom 0.1075 s let go on; with a limit of
+4.5 rad/s, the longest way of 16 of them in 4 h would have taken 0.114 s."""
 
 STUCK_ENERGY_J = 4.6
 """Energy that a drive which is stuck at half of its largest effort gives on that way, between both bounds [J].
