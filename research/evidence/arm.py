@@ -51,6 +51,8 @@ from pellucid_lab.papers.able.arm_worn import BEST_LAW, LAWS, PUBLISHED_LAW, arm
 from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
+from ._parts import run_parts
+
 FAULTY = sized(4, smallest=1)
 """Drawn arms that have single faults: as many as joints, so that every fault is every joint's once."""
 ARMS = sized(5, smallest=1)
@@ -69,15 +71,17 @@ def rows(arms: int = ARMS, seeds: int = SEEDS) -> Iterator[ResultRow]:
     rig = able_arm()
     drawn = drawn_arms(rig, arms)
     found = identified_many([*((rig, s) for s in range(1, seeds + 1)), *((one, 1) for one in drawn)])
-    yield from identified_rows(found)
-    made = directional_many([(rig, 1, n) for n in JOINT_COUNTS])
-    yield from directional_rows(dict(zip(JOINT_COUNTS, made, strict=True)))
-    yield from excitation_rows(rig)
-    yield from margin_rows(found[0].best)
-    yield from worn_rows(drawn)
-    yield from fault_rows(drawn[:FAULTY])
-    yield from shoulder_rows(rig)
-    yield from speed_rows()
+    places = [(rig, 1, n) for n in JOINT_COUNTS]
+    yield from run_parts("arm", {
+        "identified arms": lambda: identified_rows(found),
+        "directional arms": lambda: directional_rows(dict(zip(JOINT_COUNTS, directional_many(places), strict=True))),
+        "excitations": lambda: excitation_rows(rig),
+        "margins": lambda: margin_rows(found[0].best),
+        "worn arms": lambda: worn_rows(drawn),
+        "faults": lambda: fault_rows(drawn[:FAULTY]),
+        "shoulder": lambda: shoulder_rows(rig),
+        "speeds": speed_rows,
+    })  # fmt: skip
 
 
 def row(name: str, value: float | None, unit: str, note: str, split: str = "simulated") -> ResultRow:

@@ -52,6 +52,7 @@ from ._emg_files import files_rows
 from ._emg_onset import onset_rows
 from ._emg_watch import moved_rows, session_rows, wrong_floats
 from ._emg_watch import raw_rows as raw_emg_rows
+from ._parts import run_parts
 
 SEED = 20261123
 FITTED = (19.0, 24.0)  # s, of the walking study
@@ -76,21 +77,25 @@ def rows() -> Iterator[ResultRow]:
     """Every figure."""
     with tempfile.TemporaryDirectory() as folder:
         study = walking_study(Path(folder) / "walking")
-        yield from changed_rows(study, Path(folder) / "spoilt")
-        yield from drawn_rows(study)
-        yield from faster_rows(study)
-        yield from session_rows(study)
-        yield from raw_rows(Path(folder) / "raw")
-        yield from elsewhere_rows(study, Path(folder) / "elsewhere")
-        yield from activity_rows(study, Path(folder) / "activity")
-    yield from raw_emg_rows()
-    yield from onset_rows()
-    yield from case_rows()
-    yield from moved_rows()
-    yield from files_rows()
-    yield from choice_rows()
-    yield from export_rows()
-    yield from geometry_rows()
+        yield from run_parts("emg, walking", {
+            "changed channels": lambda: changed_rows(study, Path(folder) / "spoilt"),
+            "drawn channels": lambda: drawn_rows(study),
+            "faster walking": lambda: faster_rows(study),
+            "sessions": lambda: session_rows(study),
+            "raw channels": lambda: raw_rows(Path(folder) / "raw"),
+            "elsewhere": lambda: elsewhere_rows(study, Path(folder) / "elsewhere"),
+            "activities": lambda: activity_rows(study, Path(folder) / "activity"),
+        })  # fmt: skip
+    yield from run_parts("emg", {
+        "raw EMG": raw_emg_rows,
+        "onsets": onset_rows,
+        "cases": case_rows,
+        "moved electrodes": moved_rows,
+        "files": files_rows,
+        "choices": choice_rows,
+        "exports": export_rows,
+        "geometry": geometry_rows,
+    })  # fmt: skip
 
 
 # --- channels that changed ------------------------------------------------------------------------------------------

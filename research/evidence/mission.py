@@ -28,6 +28,7 @@ from ._lead import lead_rows
 from ._lead_control import lead_control_rows
 from ._loads import load_rows
 from ._misaligned_axes import misalignment_rows
+from ._parts import run_parts
 from ._people_kept import people_rows
 from ._printed_filters import filter_rows
 from ._release_orders import release_rows
@@ -36,13 +37,15 @@ from ._walking_wearer import walking_rows
 
 def rows() -> Iterator[ResultRow]:
     """Every figure."""
-    yield from lead_rows()
-    yield from lead_control_rows()
-    yield from load_rows()
-    yield from walking_rows()
-    yield from drift_rows()
-    yield from misalignment_rows()
-    yield from filter_rows()
-    yield from release_rows()
-    yield from arm_pointing_rows()
-    yield from people_rows()
+    yield from run_parts("mission", {
+        "lead": lead_rows,
+        "control of lead": lead_control_rows,
+        "loads": load_rows,
+        "walking": walking_rows,
+        "drift": drift_rows,
+        "misaligned axes": misalignment_rows,
+        "printed filters": filter_rows,
+        "orders of release": release_rows,
+        "pointing with an arm": arm_pointing_rows,
+        "people": people_rows,
+    })  # fmt: skip

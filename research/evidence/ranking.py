@@ -47,6 +47,8 @@ from pellucid_lab.safety.worn_knee import IDENTIFIED_ACTUATOR
 from pellucid_lab.safety.worn_robot import WornRobot
 from research.benchmarks._size import sized
 
+from ._parts import run_parts
+
 EXAMPLES = Path(__file__).parents[2] / "examples" / "laws"
 """Folder of the example of a foreign law, in C and in Python."""
 
@@ -86,11 +88,13 @@ HOSTILE_LAWS = {
 
 def rows() -> Iterator[ResultRow]:
     """Every figure."""
-    yield from foreign_rows()
-    yield from arm_rows()
-    yield from certificate_rows()
-    yield from hostile_rows()
-    yield from index_rows()
+    yield from run_parts("ranking", {
+        "foreign laws": foreign_rows,
+        "arms": arm_rows,
+        "certificates": certificate_rows,
+        "hostile laws": hostile_rows,
+        "indices": index_rows,
+    })  # fmt: skip
 
 
 def _row(name: str, value: float, unit: str, note: str) -> ResultRow:

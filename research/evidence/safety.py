@@ -30,6 +30,7 @@ from research.benchmarks._size import sized
 from . import _exported, _simulation_page, _supervisor_page
 from ._arm_faults import ArmOutcome, arm_fault_figures, arm_rows, long_life_rows, long_lives, outcomes
 from ._exported_equal import compare_supervisors
+from ._parts import run_parts
 from ._supervisor_page import FaultFigure, Results, read_results, write_pages, write_results
 
 ROBOT_COUNT = sized(20, smallest=1)
@@ -88,19 +89,22 @@ def worn_arms() -> tuple[ArmOutcome, ...]:
 
 def rows() -> Iterator[ResultRow]:
     """Every figure: of exported controllers first, then of arms, and of the same laws in the virtual lab."""
-    yield equal_row()
-    yield from _exported.rows()
-    yield from arm_rows(worn_arms())
-    yield from long_life_rows(long_lives())
-    yield from fault_rows(measured())
-    yield from knee_rows(worn_knees())
-    yield from reading_rows("elbow", fault_table(READING_ROBOT_COUNT, READING_HEALTHY_HOURS, inexact=True))
-    yield from reading_rows("knee", knee_table(READING_ROBOT_COUNT, READING_HEALTHY_HOURS, inexact=True))
     robot = draw_worn_robot(0)
-    yield from overspeed_rows(robot)
-    yield from fuzz_rows(robot)
-    yield from heap_rows()
-    yield from cost_rows(robot)
+    reading = (READING_ROBOT_COUNT, READING_HEALTHY_HOURS)
+    yield from run_parts("safety", {
+        "equal supervisors": lambda: [equal_row()],
+        "exported controllers": _exported.rows,
+        "faults of arms": lambda: arm_rows(worn_arms()),
+        "long lives of arms": lambda: long_life_rows(long_lives()),
+        "faults of elbows": lambda: fault_rows(measured()),
+        "faults of knees": lambda: knee_rows(worn_knees()),
+        "readings of elbows": lambda: reading_rows("elbow", fault_table(*reading, inexact=True)),
+        "readings of knees": lambda: reading_rows("knee", knee_table(*reading, inexact=True)),
+        "overspeed": lambda: overspeed_rows(robot),
+        "nonsense": lambda: fuzz_rows(robot),
+        "heap": heap_rows,
+        "cost": lambda: cost_rows(robot),
+    })  # fmt: skip
 
 
 def equal_row() -> ResultRow:

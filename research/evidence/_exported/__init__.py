@@ -33,6 +33,7 @@ from pellucid_lab.safety.worn_robot import LAWS
 from research.benchmarks._size import sized
 
 from .._commissioned import commissioned_rows
+from .._parts import run_parts
 from .._supervisor_page import FaultFigure
 from .._supervisor_page import fault_figures as figures_of_faults
 from .exports import DATASET_EXPORTS, INSTRUMENT_SETS, RIG_EXPORTS, ExportedLaw, Exports
@@ -163,7 +164,7 @@ def made_laws(instruments: str) -> tuple[ExportedLaw, ...]:
 @cache
 def fault_trials(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignTrial, ...]:
     """Return every fault under every law on every plant, with a set of instruments by name."""
-    some = {"drive_measured_and_probe": QUIET_KINDS, "blind": (*WORST_KINDS, "drive_sine")}
+    some = {"drive_measured_and_probe": QUIET_KINDS, "blind": (*WORST_KINDS, "drive_sine"), "shaking": ("drive_sine",)}
     kinds = some.get(instruments, tuple(KINDS))
     jobs = [
         partial(try_faults, law, index, seed, kinds) for law in made_laws(instruments) for index in range(PLANT_COUNT)
@@ -243,24 +244,30 @@ def starts(seed: int = JUDGED_SEED) -> dict[str, list[ForeignLife]]:
 
 def rows(seed: int = JUDGED_SEED) -> Iterator[ResultRow]:
     """Yield every figure."""
-    for instruments in ("drive_measured", "unmeasured"):
-        yield from fault_rows(instruments, fault_trials(instruments, seed))
-    yield from probe_rows(uncommissioned_probe_trials(seed), "probe_uncommissioned")
-    yield from quiet_rows(fault_trials("drive_measured_and_probe", seed))
-    yield from blind_rows(fault_trials("blind", seed))
-    yield from shaking_rows(fault_trials("shaking", seed))
-    yield from sine_set_rows(sines_by_instruments(seed))
-    yield from life_rows("safety.exported.unmeasured", healthy_lives("unmeasured", seed))
-    yield from life_rows("safety.exported.unmeasured.reaching", healthy_lives("unmeasured", seed, reaching=True))
-    yield from life_rows("safety", healthy_lives("drive_measured", seed))
-    yield from life_rows("safety.reaching", healthy_lives("drive_measured", seed, reaching=True))
-    yield from rate_rows(seed)
-    yield from special_rows(seed)
-    yield from soft_rows(seed)
-    yield from commissioned_rows()
-    yield from start_rows(starts(seed))
-    yield from spring_rows(spring_trials(seed))
-    yield from bound_rows()
+    yield from run_parts("safety, exported", {
+        "faults, drive measured": lambda: fault_rows("drive_measured", fault_trials("drive_measured", seed)),
+        "faults, unmeasured": lambda: fault_rows("unmeasured", fault_trials("unmeasured", seed)),
+        "probe, not commissioned": lambda: probe_rows(uncommissioned_probe_trials(seed), "probe_uncommissioned"),
+        "quiet faults": lambda: quiet_rows(fault_trials("drive_measured_and_probe", seed)),
+        "faults, blind": lambda: blind_rows(fault_trials("blind", seed)),
+        "shaking": lambda: shaking_rows(fault_trials("shaking", seed)),
+        "sines": lambda: sine_set_rows(sines_by_instruments(seed)),
+        "lives, unmeasured": lambda: life_rows("safety.exported.unmeasured", healthy_lives("unmeasured", seed)),
+        "lives that reach, unmeasured": lambda: life_rows(
+            "safety.exported.unmeasured.reaching", healthy_lives("unmeasured", seed, reaching=True)
+        ),
+        "lives, drive measured": lambda: life_rows("safety", healthy_lives("drive_measured", seed)),
+        "lives that reach, drive measured": lambda: life_rows(
+            "safety.reaching", healthy_lives("drive_measured", seed, reaching=True)
+        ),
+        "rates": lambda: rate_rows(seed),
+        "spikes, frozen encoders, drives that lie": lambda: special_rows(seed),
+        "soft robots": lambda: soft_rows(seed),
+        "commissioning": commissioned_rows,
+        "starts": lambda: start_rows(starts(seed)),
+        "springs": lambda: spring_rows(spring_trials(seed)),
+        "bounds of motion": bound_rows,
+    })  # fmt: skip
 
 
 @cache
@@ -432,9 +439,7 @@ def soft_rows(seed: int) -> Iterator[ResultRow]:
         for index in range(SOFT_ROBOT_COUNT)
     ]
     lives = list(play_all(jobs))
-    swings = [
-        life for life in lives if any(not a.wanted and a.fault in OSCILLATION_FAULTS for a in life.alarms)
-    ]
+    swings = [life for life in lives if any(not a.wanted and a.fault in OSCILLATION_FAULTS for a in life.alarms)]
     words = ", ".join(f"{life.law} plant {life.plant}" for life in swings[:6]) or "none"
     yield row("safety.soft.oscillating", len(swings), "1", words)
     yield row("safety.soft.robots", len(lives), "1", f"{len(laws)} laws that hear a force sensor, wearers who reach")
