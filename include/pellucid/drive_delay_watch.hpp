@@ -24,9 +24,9 @@ template <class S> struct DriveDelayWatchParams {
     visit(p.rate, {"drive_delay_rate", unit::effort_rate, above(0).or_infinite(),
                    "smallest standard deviation of the command's rate for the check of the delay"});
     visit(p.smoothing, {"drive_delay_smoothing", unit::rate, above(0),
-                        "bandwidth of the low-pass on command and response; times the period below a half"});
+                        "bandwidth of the low-pass on command and response; times the period below 1"});
     visit(p.forget, {"drive_delay_forget", unit::rate, above(0),
-                     "rate at which earlier samples are forgotten; times the period below a half"});
+                     "rate at which earlier samples are forgotten; times the period below 1"});
     visit(p.share, {"drive_delay_share", unit::one, pellucid::share(),
                     "share of the response's error that the delay must explain; 0: any"});
   }
@@ -88,7 +88,6 @@ SeenLateness<S> seen_lateness(const DriveDelayWatchCoefficients<S>& c, const Dri
 /// One period in which the answer to a command was heard: `drive_effort` where it is late.
 template <class S> SafetyFault step(const DriveDelayWatchCoefficients<S>& c, DriveDelayWatchState<S>& s, const S& asked,
                                     const S& given) noexcept {
-  if (!(c.params.limit < S(std::numeric_limits<S>::max()))) return SafetyFault::none;
   if (!(s.count > S(0))) {
     s.asked = s.mean = asked;
     s.given = given;

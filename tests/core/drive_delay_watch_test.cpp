@@ -127,6 +127,15 @@ void numbers() {
   Params fast = params();
   fast.forget = 600;
   check(!p::coefficients(fast, period).valid, "a memory of less than a period");
+  for (const S rate : {499.0, 500.0}) {
+    fast = params();
+    fast.forget = rate;
+    check(p::coefficients(fast, period).valid == (rate < 500), "nor one of a whole period");
+    fast = params();
+    fast.smoothing = rate;
+    check(p::coefficients(fast, period).valid == (rate < 500), "nor is anything smooth with one");
+  }
+  check(!p::coefficients(params(), -period).valid, "a period backwards");
   p::DriveDelayWatchState<S> s;
   s.asked = 3, s.rr = s.aa = 9;
   check(p::step(c, s, std::numeric_limits<S>::quiet_NaN(), S(1)) == F::none && s.rr == 0 && s.asked == 0, "no number");

@@ -136,6 +136,14 @@ template <class S> void waves() {
   check_close(sum, 0.0, 1e-4, "no mean");
   check_close(squares / 120, 1.5 * 0.04, 1e-5, "three waves");
   check(most <= 0.2 * p::probe_crest && most > 0.4, "their crest");
+  // A phase that memory has lost gives no wave beyond the crest, whatever rounding makes of it.
+  for (const S beyond : {S(-1.002), S(-1.0005), S(1.0005), S(1.002)}) {
+    p::ProbeWatchState<S> lost;
+    for (auto& one : lost.phase) one = {S(0), S(0)};
+    lost.phase[0].real = beyond * S(p::probe_crest);
+    const double given = static_cast<double>(p::wave(c, lost)), due = static_cast<double>(beyond) * 0.2 * p::probe_crest;
+    check_close(given, std::fabs(due) < 0.2002 * p::probe_crest ? due : 0, 1e-6, "no more than the crest");
+  }
   auto off = usual<S>();
   off.effort = S(0);
   const auto none = p::coefficients(off, S(1e-3));
@@ -236,6 +244,26 @@ void evidence() {
       if (first > 0 && first < 12.5) check(second == F::gain || strict.params.evidence < 2 * first * 0.9, "found at the bound");
       if (first == 12.5) check(second == F::gain, "found by two windows");
     }
+  // Evidence of any fault beyond a twenty-fifth of what a verdict needs keeps a right window from being learnt from.
+  for (int k = 0; k < 8; ++k) {
+    p::ProbeWindowState<double> w;
+    w.moving = 60;
+    for (int i = 0; i < 3; ++i) w.asked[i] = w.answer[i] = {10.0, 0.0};
+    const auto after = [&](double sum) {
+      p::ProbeWatchState<double> s;
+      s.learnt = 12;
+      for (int i = 0; i < 3; ++i) s.known[i] = {1.0, 0.0}, s.error[i] = 0.05;
+      s.sum[k] = sum;
+      p::judge(c, s, w);
+      return s;
+    };
+    const double less = 200 - after(200).sum[k];
+    for (const double left : {0.99, 1.01, 12.0}) {
+      const auto s = after(left + less);
+      check_close(s.sum[k], left, 1e-9, "what is left of the evidence");
+      check(s.learnt == (left < 1 ? 13u : 12u), "a doubted drive teaches nothing");
+    }
+  }
   // Noise as large as the waves teaches nothing more.
   for (const double noise : {9.9, 10.0, 10.1}) {
     p::ProbeWatchState<double> s;
@@ -368,6 +396,11 @@ void travel() {
     fill(6, answer, 1, 0.3);
     check(end(s, w) == F::none && s.way[0] == (answer < 2 ? 0.3 : 0.0), "the answer's power is twelve times the noise's");
   }
+  // So it does where a wave answers nothing at all among no noise.
+  s = {};
+  fill(6, 3, 0, 0.3);
+  w.answer[0] = {0.0, 0.0};
+  check(end(s, w) == F::none && s.way[0] == 0, "two waves that answer are enough");
   // In a joint that stands nothing is heard.
   s = {};
   s.learnt = 600;

@@ -692,7 +692,7 @@ void contradictions() {
   for (auto& one : params.drives.joint) one.friction.coulomb_positive = one.friction.coulomb_negative = 1;
   r = rules();
   r.joint[1].motion.tolerance = r.joint[1].motion.burst = 1;
-  for (const S speed : {0.0, 4.0}) {
+  for (const S speed : {0.0, 4.0, -4.0}) {
     Judged open(r, params);
     open.rig.state().joint[1].encoder.velocity = speed;
     open.rig.law.controller.state.sensed[1] = true;

@@ -98,6 +98,11 @@ def test_windows_are_even(period, samples):
 
 def test_not_below_500_hz():
     assert probed(law(period=0.002), encoder_resolution=1e-4).supervision["probe_samples"] == 60.0
+    for rounded in (0.002 * (1.0 - 1e-12), 0.002 * (1.0 + 1e-12)):
+        assert probe_samples(rounded) == 60
+        assert probe_numbers(INERTIA, 1e-5, limit=10.0, period=rounded)["probe_samples"] == 60.0
+    with pytest.raises(PellucidError, match="expected at least 500 Hz"):
+        probe_numbers(INERTIA, 1e-5, limit=10.0, period=0.002 * (1.0 + 1e-6))
     with pytest.raises(PellucidError, match=r"probe: found a control rate of 400 Hz, expected at least 500 Hz"):
         probed(law(period=0.0025))
 

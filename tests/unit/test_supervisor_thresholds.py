@@ -226,6 +226,9 @@ def test_a_measured_drive_is_watched_for_being_late():
     assert thresholds(instruments=measured)["drive_delay"] == pytest.approx(12e-3 + PERIOD)
     slow = thresholds(instruments=replace(measured, drive_lag=7e-3))
     assert slow["drive_delay"] == pytest.approx(12e-3 + PERIOD + 5e-3)
+    fast = thresholds(instruments=replace(measured, drive_lag=1e-3))
+    assert fast["drive_delay"] == thresholds(instruments=measured)["drive_delay"], "a fast measurement is no fast drive"
+    assert fast["drive_late"] == thresholds(instruments=measured)["drive_late"]
 
 
 @pytest.mark.parametrize(("period", "still"), [(2e-3, 250.0), (1e-3, 500.0), (5e-4, 1000.0), (3e-4, 1667.0)])
