@@ -240,3 +240,20 @@ def test_the_factor_of_many_rows_has_the_solution_of_all(monkeypatch):
         np.testing.assert_allclose(factor[4, 4] ** 2, np.sum((y - w @ expected) ** 2), rtol=1e-12)
         bounds = np.full(4, -np.inf), np.full(4, np.inf)
         np.testing.assert_allclose(regression.least_squares_within(w, y, *bounds), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_bounded_least_squares_end_on_bounds_where_no_step_reduces_the_sum(seed):
+    rng = np.random.default_rng(seed)
+    p = int(rng.integers(1, 10))
+    w = rng.standard_normal((3 * p, p)) @ (np.eye(p) + rng.standard_normal((p, p)) * (seed % 3))
+    w *= 10.0 ** rng.uniform(-3, 3, p)
+    norms = np.linalg.norm(w, axis=0)
+    y = rng.standard_normal(3 * p)
+    lower = np.where(rng.random(p) < 0.3, -np.inf, rng.uniform(-0.3, 0.3, p) / norms)
+    upper = np.maximum(lower, 0.0) + rng.choice([0.0, 0.2, np.inf], p) / norms
+    x = regression.least_squares_within(w, y, lower, upper)
+    assert np.all((x >= lower) & (x <= upper))
+    slope = (w / norms).T @ (y - w @ x)
+    assert np.all(slope[x < upper] < 1e-12)
+    assert np.all(slope[x > lower] > -1e-12)

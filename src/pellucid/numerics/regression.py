@@ -242,29 +242,75 @@ def triangular_factor(columns: np.ndarray, *beside: np.ndarray) -> np.ndarray:
     return factor
 
 
-def least_squares_within(
-    w: np.ndarray, y: np.ndarray, lower: np.ndarray, upper: np.ndarray, *, method: str = "trf"
-) -> np.ndarray:
+def least_squares_within(w: np.ndarray, y: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     """Return the x, (p,), that minimises ||W x - y|| within bounds, with `w`, (m, p), and `y`, (m,).
 
-    The trust-region method ("trf") ends close to a bound, the active-set method ("bvls") on it. A Stribeck profile over
-    velocities that fit equally well depends on the residuals of the former.
-    """
-    if len(w) > ROWS_AT_ONCE:
-        factor = triangular_factor(w, y)
-        w, y = factor[:, :-1], factor[:, -1]
-    values = np.linalg.lstsq(w, y, rcond=None)[0]
-    if np.all(values >= lower) and np.all(values <= upper):
-        return values
-    scale = np.linalg.norm(w, axis=0)
-    from scipy.optimize import lsq_linear  # imported late, because checking a study does not need it
+    The solution is exact but for rounding: parameters on a bound lie on it, and the others solve the problem without
+    them (active sets [1]_).
 
-    tolerance = {"trf": 1e-12, "bvls": 1e-14}[method]
-    # The triangular factor has the same residuals as all rows, and as many rows as unknowns.
-    factor = np.linalg.qr(np.column_stack([w / scale, y]), mode="r")
-    bounds = lower * scale, upper * scale
-    found = lsq_linear(factor[:, :-1], factor[:, -1], bounds=bounds, method=method, tol=tolerance)
-    return np.clip(found.x / scale, lower, upper)
+    References
+    ----------
+    .. [1] P. B. Stark, R. L. Parker, "Bounded-variable least-squares: an algorithm and applications", Computational
+       Statistics 10, 1995.
+    """
+    factor = triangular_factor(w, y)
+    scale = column_norms(factor[:, :-1])
+    scale[scale == 0.0] = 1.0
+    r, c = factor[:, :-1] / scale, factor[:, -1]
+    low, high = lower * scale, upper * scale
+    x = _free_minimum(r, c, np.zeros(len(scale)), np.ones(len(scale), bool))
+    if np.any(x < low) or np.any(x > high):
+        x = _bounded_minimum(r, c, low, high, np.clip(x, low, high))
+    return np.where(x <= low, lower, np.where(x >= high, upper, x / scale))
+
+
+def _bounded_minimum(r: np.ndarray, c: np.ndarray, low: np.ndarray, high: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the x, (p,), that minimises ||R x - c|| within bounds, from a start within them."""
+    free = (x > low) & (x < high)
+    least, best = np.inf, x
+    while True:
+        x, free = _minimum_of_face(r, c, low, high, x, free)
+        left = c - r @ x
+        cost = float(left @ left)
+        # Rounding may let a parameter leave its bound for no smaller sum of squares.
+        if not cost < least:
+            return best
+        least, best = cost, x
+        slope = r.T @ left
+        inwards = np.where(x <= low, slope, -slope)
+        inwards[free | (low == high)] = 0.0
+        leaves = int(np.argmax(inwards))
+        if inwards[leaves] <= 0.0:
+            return x
+        free[leaves] = True
+
+
+def _minimum_of_face(
+    r: np.ndarray, c: np.ndarray, low: np.ndarray, high: np.ndarray, x: np.ndarray, free: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Move the `free` parameters of x, (p,), to their minimum; those that meet a bound on the way stay on it.
+
+    Returns x and the parameters that are still free.
+    """
+    x, free = x.copy(), free.copy()
+    while free.any():
+        goal = _free_minimum(r, c, x, free)
+        bound = np.where(goal < low, low, np.where(goal > high, high, np.nan))
+        beyond = np.flatnonzero(free & ~np.isnan(bound))
+        if not len(beyond):
+            return goal, free
+        share = (bound[beyond] - x[beyond]) / (goal[beyond] - x[beyond])
+        first = beyond[np.argmin(share)]
+        x += np.min(share) * (goal - x)
+        x[first], free[first] = bound[first], False
+    return x, free
+
+
+def _free_minimum(r: np.ndarray, c: np.ndarray, x: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return x, (p,), with the `free` parameters where they minimise ||R x - c||."""
+    goal = x.copy()
+    goal[free] = np.linalg.lstsq(r[:, free], c - r[:, ~free] @ x[~free], rcond=None)[0]
+    return goal
 
 
 def _gauss_newton(

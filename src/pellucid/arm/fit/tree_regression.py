@@ -425,7 +425,7 @@ def _solve_bounded(
             return x, held
         held[np.argmax(np.where(inwards, pull, -np.inf))] = False
     root = np.linalg.cholesky(gram)
-    x = least_squares_within(root.T, np.linalg.solve(root, moment), lower, upper, method="bvls")
+    x = least_squares_within(root.T, np.linalg.solve(root, moment), lower, upper)
     return x, (x <= lower + 1e-9) | (x >= upper - 1e-9)
 
 

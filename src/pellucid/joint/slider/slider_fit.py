@@ -545,7 +545,7 @@ def _solve(w: np.ndarray, y: np.ndarray, lengths: list[int], terms: slice, where
     names = [name + suffix for suffix in _suffixes(copies) for name in PARAMETER_NAMES[terms]]
     require_full_rank(names, w, where)
     lower, upper = np.tile(LOWER_BOUNDS[terms], copies), np.full(w.shape[1], np.inf)
-    values = least_squares_within(w, y, lower, upper, method="bvls")
+    values = least_squares_within(w, y, lower, upper)
     return values, sandwich_covariance(w, y - w @ values, lengths)
 
 

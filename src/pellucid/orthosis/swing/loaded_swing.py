@@ -263,7 +263,7 @@ def fit_swings(swings: Sequence[Swing], form: SwingForm) -> SwingFit:
     """Fit swings by least squares in closed form, bounded to physical values."""
     matrix, torque = _stacked_rows(swings, form)
     require_full_rank(form.terms, matrix, ", ".join(s.recording or "a swing" for s in swings))
-    values = least_squares_within(matrix, torque, *form.bounds(), method="bvls")
+    values = least_squares_within(matrix, torque, *form.bounds())
     values, held = snap_to_bounds(values, *form.bounds(), matrix, torque - matrix @ values)
     residual = torque - matrix @ values
     covariance = sandwich_covariance(matrix, residual, [len(s) for s in swings], free=~held)
