@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import sys
 
+SHARED_OPTIONS = {"-q", "--quiet", "-v", "--verbose"}
+"""Options of every command; a report that need not be drawn again prints the same lines with each."""
+
 
 def main() -> None:
     """Print the version or an up-to-date report if nothing else is asked for; else run the command line."""
@@ -16,7 +19,8 @@ def main() -> None:
 
         print(f"pellucid {__version__}")
         return
-    if len(words) == 2 and words[0] == "report" and not words[1].startswith("-") and _print_drawn_report(words[1]):
+    asked = [word for word in words if word not in SHARED_OPTIONS]
+    if len(asked) == 2 and asked[0] == "report" and not asked[1].startswith("-") and _print_drawn_report(asked[1]):
         return
     from .cli import main as run
 

@@ -116,15 +116,20 @@ def test_a_report_that_is_not_drawn_again_needs_no_numpy():
     assert done.stdout.strip() == "False"
 
 
-def test_the_command_alone_prints_an_up_to_date_report_without_typer(folder):
+@pytest.mark.parametrize(("before", "after"), [((), ()), ((), ("-q",)), (("--quiet",), ()), ((), ("-v",))])
+def test_the_command_alone_prints_an_up_to_date_report_without_typer(folder, before, after):
     code = (
-        "import sys; from pellucid.__main__ import main; sys.argv = ['pellucid', 'report', sys.argv[1]]; main(); "
+        "import sys; from pellucid.__main__ import main; main(); "
         "print([name for name in ('typer', 'pydantic', 'numpy') if name in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", code, str(folder)], capture_output=True, text=True, check=True)
+    command = [sys.executable, "-c", code, *before, "report", str(folder), *after]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout == "Report\n[]\n"
+
+
+def test_the_command_draws_a_report_that_changed(folder):
     changed_figure(folder)
     again = subprocess.run(
-        [sys.executable, "-m", "pellucid", "report", str(folder)], capture_output=True, text=True, check=True
+        [sys.executable, "-m", "pellucid", "report", str(folder), "-q"], capture_output=True, text=True, check=True
     )
     assert "Report: " in again.stdout
