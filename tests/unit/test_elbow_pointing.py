@@ -2,6 +2,7 @@
 
 import hashlib
 import tomllib
+import weakref
 from importlib.resources import files
 
 import numpy as np
@@ -144,6 +145,22 @@ def test_recordings_of_an_experiment_are_what_its_study_says(short):
         angle = np.arctan2(wrist[:, 0], -wrist[:, 2])
         true = sessions[[(s.person.name, s.condition) for s in sessions].index((r.participant, r.condition))]
         assert abs(angle[-1] - true.signals["position"][-1]) < 0.01
+
+
+def test_each_recording_is_released_before_the_next_one_is_made(short):
+    """A study of any number of recordings needs the memory of one."""
+    rig = short.changed({"pointing.block": 5}).under(LAWS)
+    stored, alive = [], []
+
+    def store(name, streams):
+        alive.append([name for name, table in stored if table() is not None])
+        stored.extend((name, weakref.ref(table)) for table in streams.values())
+        return {stream: table.emptied for stream, table in streams.items()}
+
+    made = list(rig.record_all(rig.trials(7), 7, store=store, then=lambda taken: taken.noted))
+    assert [name for one in made for name in one.files] == list(dict.fromkeys(name for name, _ in stored))
+    assert len(alive) == 8
+    assert not any(alive)
 
 
 def test_threads_change_nothing_and_of_a_session_stays_what_is_asked_for(short):

@@ -7,6 +7,7 @@ import operator
 import os
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -24,7 +25,13 @@ from pellucid import _processes
 from pellucid._errors import DatasetError
 from pellucid._processes import THREAD_VARIABLES, keep_helpers, results_with_helpers, with_one_blas_thread
 from pellucid_lab import processes
-from pellucid_lab.processes import job_part, ordered_results, shared_results, tell_job_share
+from pellucid_lab.processes import (
+    job_part,
+    ordered_results,
+    results_from_threads,
+    shared_results,
+    tell_job_share,
+)
 
 SCRIPT = """
 import math
@@ -164,3 +171,32 @@ def test_linear_algebra_has_one_thread_within_and_its_own_number_after():
             with_one_blas_thread(lambda: 1 // 0)()
         assert set(threads()) == {2}
     assert with_one_blas_thread(pl.fit_joint).__doc__ == pl.fit_joint.__doc__
+
+
+def slow_square(number, threads):
+    threads.add(threading.get_ident())
+    time.sleep(0.01)
+    return number**2
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_results_of_threads_come_in_order_and_this_thread_works_too(count):
+    used = set()
+    jobs = [(slow_square, number, used) for number in range(12)]
+    assert list(results_from_threads(jobs, count)) == [number**2 for number in range(12)]
+    assert threading.get_ident() in used
+    assert len(used) == count
+
+
+@pytest.mark.parametrize("failing", [0, 1, 5])
+def test_a_job_that_fails_in_a_thread_stops_the_others(failing):
+    begun = []
+
+    def job(number):
+        begun.append(number)
+        time.sleep(0.02)
+        return 1 // (number - failing)
+
+    with pytest.raises(ZeroDivisionError):
+        list(results_from_threads([(job, number) for number in range(100)], 2))
+    assert len(begun) < 50

@@ -66,10 +66,10 @@ def motor_unit_noise(
     .. [1] E. Shwedyk, R. Balasubramanian, R. N. Scott, "A nonstationary model for the electromyogram", IEEE
        Transactions on Biomedical Engineering 24(5), 1977.
     """
-    from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+    from scipy.fft import next_fast_len
 
     size = next_fast_len(max(n, 2), real=True)
-    f = rfftfreq(size, 1.0 / fs)
+    f = np.fft.rfftfreq(size, 1.0 / fs)
     low, high = table["band"]
 
     def power(f: np.ndarray, corner: float) -> np.ndarray:
@@ -89,8 +89,10 @@ def motor_unit_noise(
         weight[-1] = 1.0
     shape /= np.sqrt(np.sum(weight * shape**2) / size)
     noise = rng.standard_normal((channels, size))
-    for row in noise:  # one channel after another, because a spectrum takes as much memory as its noise
-        row[:] = irfft(rfft(row) * shape, size, overwrite_x=True)
+    # One channel after another, because a spectrum takes as much memory as its noise. SciPy would keep a plan of each
+    # length.
+    for row in noise:
+        np.fft.irfft(np.fft.rfft(row) * shape, size, out=row)
     return noise[:, :n]
 
 
@@ -133,7 +135,8 @@ class EmgSynthesis:
         self._periods = periods
         carrier = motor_unit_noise(n, channels, fs, table, rng)
         carrier *= np.asarray(electrodes.gains)[:, None]
-        phases = [rng.uniform(0.0, 2.0 * np.pi, (channels, 1)) for _ in table["harmonics"]]
+        harmonics = np.array(table["harmonics"], float)
+        mains = harmonics * np.exp(1j * rng.uniform(0.0, 2.0 * np.pi, (len(harmonics), channels)).T)
         # Every cable has its own position: mains hum and motion artefacts differ between channels.
         scale = table["hum"] * rng.uniform(0.5, 1.5, (channels, 1))
         background = rng.standard_normal((channels, n))
@@ -145,10 +148,11 @@ class EmgSynthesis:
         self._crosstalk = float(table["crosstalk"])
         attached = np.ones((channels, n)) if electrodes.detached else np.broadcast_to(1.0, (channels, n))
         for part in _pieces(n):
-            mains = np.zeros((channels, len(true[part])))
-            for i, (size, phase) in enumerate(zip(table["harmonics"], phases, strict=True)):
-                mains += size * np.sin(2.0 * np.pi * (i + 1) * table["hum_frequency"] * true[part] + phase)
-            hum = scale * mains
+            angle = 2.0 * np.pi * table["hum_frequency"] * true[part]
+            # The harmonics are powers of the first line: a sine and a cosine for all channels.
+            first = np.cos(angle) + 1j * np.sin(angle)
+            lines = np.cumprod(np.broadcast_to(first, (len(harmonics), len(angle))), axis=0)
+            hum = scale * (mains @ lines).imag
             whole = hum + background[:, part]
             for channel, begin in electrodes.detached.items():
                 # An open amplifier input acts as an antenna: it picks up much mains hum and no muscle signal.
@@ -188,7 +192,7 @@ class EmgSynthesis:
         return made
 
     def whole(self, amplitude: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-        """Return all samples of the trial as counts of the converter, shape (k, channels).
+        """Return all samples of the trial as counts of the converter, shape (k, channels); to be called once, last.
 
         `amplitude` is the excitation of each muscle in each period, shape (periods, channels) [1]; `acceleration` the
         limb's, shape (periods,) [rad/s^2].
@@ -197,9 +201,11 @@ class EmgSynthesis:
 
         swing = lfilter([self._pole], [1.0, self._pole - 1.0], acceleration)
         carrier, attached, background = self._ingredients
+        # The counts take the place of the carrier, which has the size of a recording.
+        counts = carrier
+        del self._ingredients
         amplitude, cable = np.asarray(amplitude, float), np.array(self._cable)[:, None]
         limit = np.array(self._limits)[:, None]
-        counts = np.empty(carrier.shape)
         for part in _pieces(carrier.shape[1]):
             period_index = self._period_of_sample[part]
             muscles = carrier[:, part] * amplitude[period_index].T

@@ -90,6 +90,13 @@ class StoredTable:
         return self.values[:, [column.name for column in self.columns].index(name)]
 
     @property
+    def duration(self) -> float:
+        """Return the duration of the recording by the clock in the first column [s]."""
+        clock = self.columns[0]
+        time = clock.scale * self.values[[0, -1], 0] * (1e-3 if clock.unit == "ms" else 1.0)
+        return float(time[-1] - time[0]) * len(self.values) / (len(self.values) - 1)
+
+    @property
     def emptied(self) -> StoredTable:
         """Return a table with the same columns and no row."""
         # A view would keep all samples alive.

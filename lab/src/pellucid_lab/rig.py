@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -19,10 +18,17 @@ from pellucid._errors import StudyError
 from pellucid._given import parse_toml
 
 from .constants import RigConstants
+from .processes import results_from_threads
 from .recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, file_name
 
 Outcome = TypeVar("Outcome")
 Tell = Callable[[str, float], None]
+
+Streams = Mapping[str, StoredTable]
+"""Files of one recording by stream: "main", "markers", or a stream of study.toml."""
+
+Store = Callable[[str, Streams], Streams]
+"""A function that gets the name and the files of a recording as soon as it is made, and returns the files to keep."""
 
 DEFAULT_KIND = "bench-joint"
 """Kind of a rig whose file names none."""
@@ -49,23 +55,12 @@ class Taken:
     """Result of a trial: files as the instruments wrote them, and the true values."""
 
     trial: Trial
-    # By recording, then by stream: "main", "markers", or a stream of study.toml. One recording of the trial's name, or
-    # several where pauses divide it
-    files: Mapping[str, Mapping[str, StoredTable]] = field(repr=False)
+    # By recording: one of the trial's name, or several where pauses divide it
+    files: Mapping[str, Streams] = field(repr=False)
     # What its entry in study.toml says beyond what follows from trial and files
     entry: Mapping[str, Any] = field(default_factory=dict)
     truth: Mapping[str, Any] = field(default_factory=dict)  # In few numbers, SI
     inside: Any = field(default=None, repr=False)  # Every sample of what no instrument shows, as the rig gives it
-
-    @property
-    def duration(self) -> float:
-        """How long its recordings are [s]."""
-        total = 0.0
-        for streams in self.files.values():
-            clock = streams[MAIN_STREAM].columns[0]
-            time = clock.scale * streams[MAIN_STREAM].values[:, 0] * (1e-3 if clock.unit == "ms" else 1.0)
-            total += float(time[-1] - time[0]) * len(time) / (len(time) - 1)
-        return total
 
     @property
     def noted(self) -> Taken:
@@ -161,6 +156,11 @@ class Rig(ABC):
     def record(self, trial: Trial, rng: np.random.Generator, controller: Any = None) -> Taken:
         """Do one trial."""
 
+    def record_and_store(self, trial: Trial, store: Store, **drawn: Any) -> Taken:
+        """Do one trial as `record` does with the arguments `drawn`; `store` gets each recording."""
+        taken = self.record(trial, **drawn)
+        return replace(taken, files={name: store(name, streams) for name, streams in taken.files.items()})
+
     @abstractmethod
     def truth(self, seed: int = 1) -> dict[str, Any]:
         """What only tests, benchmarks and papers may read, SI; `seed` as the recordings were made with."""
@@ -206,6 +206,7 @@ class Rig(ABC):
         trials: Sequence[Trial],
         seed: int,
         *,
+        store: Store = lambda name, streams: streams,
         then: Callable[[Taken], Outcome] = lambda taken: taken,
         threads: int = 1,
         on_progress: Tell | None = None,
@@ -214,7 +215,7 @@ class Rig(ABC):
         tell = on_progress or (lambda text, share: None)
 
         def one(trial: Trial, drawn: dict[str, Any]) -> Outcome:
-            return then(self.record(trial, **drawn))
+            return then(self.record_and_store(trial, store, **drawn))
 
         draws = self.draws(trials, seed)
         if threads <= 1 or not self.parallel:
@@ -222,10 +223,10 @@ class Rig(ABC):
                 tell(f"recording {trial.name}", i / len(trials))
                 yield one(trial, drawn)
             return
-        with ThreadPoolExecutor(threads) as pool:
-            for i, made in enumerate(pool.map(one, trials, draws)):
-                yield made
-                tell(f"recorded {trials[i].name}", (i + 1) / len(trials))
+        jobs = [(one, *job) for job in zip(trials, draws, strict=True)]
+        for i, made in enumerate(results_from_threads(jobs, threads)):
+            yield made
+            tell(f"recorded {trials[i].name}", (i + 1) / len(trials))
 
 
 def parse_tables(text: str, where: str) -> dict:

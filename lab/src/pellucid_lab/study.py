@@ -26,7 +26,7 @@ from pellucid.study.study import STUDY_FILE, Study
 from pellucid.study.study_file import ChannelSpec, RecordingEntry, StudyFile, rig_units
 
 from .recorded_table import MAIN_STREAM, MARKER_STREAM, StoredTable, file_name
-from .rig import Rig, Taken, Tell, Trial
+from .rig import Rig, Streams, Taken, Tell, Trial
 from .study_text import study_text
 
 UNFINISHED_FOLDER = ".unfinished"
@@ -73,23 +73,24 @@ def write_full_study(
 
 def _record_and_write(folder, rig, name, seed, trials, threads, on_progress) -> tuple[Study, float]:
     """Record `trials` and write the study of them; return it and its recordings' total duration [s]."""
-    made_in, names = folder / UNFINISHED_FOLDER, []
+    made_in, durations = folder / UNFINISHED_FOLDER, {}
 
-    def write(taken: Taken) -> tuple[Taken, float]:
-        for recording, streams in taken.files.items():
-            for stream, stored in streams.items():
-                names.append(file_name(recording, stream))
-                with atomically(made_in / names[-1]) as file:
-                    file.writelines(stored.parts)
-        return taken.noted, taken.duration
+    def write(recording: str, streams: Streams) -> Streams:
+        for stream, stored in streams.items():
+            with atomically(made_in / file_name(recording, stream)) as file:
+                file.writelines(stored.parts)
+        durations[recording] = streams[MAIN_STREAM].duration
+        return {stream: stored.emptied for stream, stored in streams.items()}
 
     trials = rig.trials(seed) if trials is None else trials
     # A study must never mix files of two seeds: new files are kept in a folder of their own until all are written.
     with hold_lock(folder / STUDY_FILE):
         rmtree(made_in, ignore_errors=True)
         try:
-            made = list(rig.record_all(trials, seed, then=write, threads=threads, on_progress=on_progress))
-            taken = [one for one, _ in made]
+            recorded = rig.record_all(
+                trials, seed, store=write, then=lambda taken: taken.noted, threads=threads, on_progress=on_progress
+            )
+            taken = list(recorded)
             truth = {"seed": seed, "rig": rig.name, **rig.truth(seed)}
             truth["trials"] = {one.trial.name: one.truth for one in taken}
             write_text_atomically(made_in / TRUTH_FILE, json.dumps(truth, indent=1) + "\n")
@@ -98,12 +99,13 @@ def _record_and_write(folder, rig, name, seed, trials, threads, on_progress) -> 
             digest = hashlib.sha256(text.encode("utf-8")).hexdigest()
             write_text_atomically(made_in / WRITTEN_FILE, json.dumps({STUDY_FILE: digest}) + "\n")
             (folder / STUDY_FILE).unlink(missing_ok=True)
-            for file in (TRUTH_FILE, WRITTEN_FILE, *names, STUDY_FILE):
+            files = (file_name(name, stream) for one in taken for name, own in one.files.items() for stream in own)
+            for file in (TRUTH_FILE, WRITTEN_FILE, *files, STUDY_FILE):
                 (folder / file).parent.mkdir(parents=True, exist_ok=True)
                 (made_in / file).replace(folder / file)
         finally:
             rmtree(made_in, ignore_errors=True)
-    return open_study(folder), sum(duration for _, duration in made)
+    return open_study(folder), sum(durations[name] for one in taken for name in one.files)
 
 
 def is_changed_by_hand(folder: Path) -> bool:

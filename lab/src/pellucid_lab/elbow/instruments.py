@@ -14,6 +14,9 @@ from ..noise import draw_noise
 from .machine import ElbowMachine
 from .protocol import ElbowTrial
 
+BATCH_TRIAL_COUNT = 8
+"""Number of trials that are simulated at a time, so that a long protocol needs no more memory."""
+
 
 @dataclass(frozen=True)
 class ElbowReadings:
@@ -37,17 +40,19 @@ def read_all(
         groups.setdefault((trial.loop, id(trial.reference)), []).append(i)
     made: dict[int, ElbowReadings] = {}
     for (loop, _), members in groups.items():
-        batch = [trials[i] for i in members]
-        command, measured, link = play(rig, loop, batch, rng, threads=threads)
-        for row, i in enumerate(members):
-            made[i] = _read(rig, trials[i], command[row], measured[row], link[row], rng)
+        noise = rng.standard_normal((len(members), len(trials[members[0]].reference)))
+        for first in range(0, len(members), BATCH_TRIAL_COUNT):
+            part = slice(first, first + BATCH_TRIAL_COUNT)
+            command, measured, link = play(rig, loop, [trials[i] for i in members[part]], noise[part], threads=threads)
+            for row, i in enumerate(members[part]):
+                made[i] = _read(rig, trials[i], command[row], measured[row], link[row], rng)
     return [made[i] for i in range(len(trials))]
 
 
 def play(
-    rig: ElbowMachine, loop: str, batch: Sequence[ElbowTrial], rng: np.random.Generator, *, threads: int = 1
+    rig: ElbowMachine, loop: str, batch: Sequence[ElbowTrial], noise: np.ndarray, *, threads: int = 1
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Simulate trials of one reference in the core.
+    """Simulate trials of one reference in the core; `noise` of unit variance, shape (m, n), disturbs their encoder.
 
     Returns command [A], encoder reading [rad] and true position of the link [rad], each shape (m, n).
     """
@@ -66,7 +71,7 @@ def play(
         ripple_amplitude=motor.ripple_amplitude,
         ripple_wave_number=motor.ripple_wave_number,
         encoder_quantum=rig.quantum,
-        encoder_noise=rig.constants.encoder.noise * rng.standard_normal((len(batch), len(reference))),
+        encoder_noise=rig.constants.encoder.noise * noise,
         position0=np.array([trial.start for trial in batch]),
         **gains.model_dump(),
     )

@@ -12,7 +12,7 @@ from pellucid.models.anthropometry import Segment
 from pellucid.models.joint import GRAVITY
 
 from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, marker_columns
-from ..rig import Outcome, Taken, Tell
+from ..rig import Outcome, Store, Taken, Tell
 from ..shipped_rigs import shipped_rig
 from .constants import ElbowConstants
 from .instruments import ElbowReadings, frame, read_all
@@ -75,6 +75,7 @@ class ElbowRig(ElbowMachine):
         trials: Sequence[ElbowTrial],
         seed: int,
         *,
+        store: Store = lambda name, streams: streams,
         then: Callable[[Taken], Outcome] = lambda taken: taken,
         threads: int = 1,
         on_progress: Tell | None = None,
@@ -88,14 +89,15 @@ class ElbowRig(ElbowMachine):
         readings = read_all(self, trials, np.random.default_rng(seed), threads=threads)[::-1]
         for i in range(len(trials)):
             tell("writing recordings", 0.2 + 0.8 * i / len(trials))
-            yield then(self._taken(readings.pop()))
+            yield then(self._taken(readings.pop(), store))
 
-    def _taken(self, read: ElbowReadings) -> Taken:
+    def _taken(self, read: ElbowReadings, store: Store = lambda name, streams: streams) -> Taken:
         columns = self.streams()
         own = StoredTable.of(columns[MAIN_STREAM], read.time, read.counts, read.milliamperes)
         seen = StoredTable.of(columns[MARKER_STREAM], read.optical_time, *read.markers.values())
         truth = {"slider": read.trial.slider, "clock_offset": read.clock_offset}
-        return Taken(read.trial, {read.trial.name: {MAIN_STREAM: own, MARKER_STREAM: seen}}, truth=truth, inside=read)
+        files = {read.trial.name: store(read.trial.name, {MAIN_STREAM: own, MARKER_STREAM: seen})}
+        return Taken(read.trial, files, truth=truth, inside=read)
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
         """Return the contents of study.toml for the recordings that were `made`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,18 +31,16 @@ FOREARM_MARKERS = ("elbow", "wrist")
 
 def record_blocks(
     rig: PointingPlant, session: PointingSession, rng: np.random.Generator
-) -> dict[str, dict[str, StoredTable]]:
-    """Return the files of a session by recording and stream; pauses divide the session into recordings.
+) -> Iterator[tuple[str, dict[str, StoredTable]]]:
+    """Yield the name of each recording of a session and its files by stream; pauses divide the session.
 
     `rng` draws the instruments' noise.
     """
     size = int(rig["pointing"]["block"])
     who = f"{session.person.name}_{session.condition}"
-    made = {}
     for i, first in enumerate(range(0, len(session.movements), size)):
         part = session.movements[first : first + size]
-        made[f"{who}_{i + 1}"] = _block(rig, session, part[0].begin, part[-1].end, rng)
-    return made
+        yield f"{who}_{i + 1}", _block(rig, session, part[0].begin, part[-1].end, rng)
 
 
 def _block(

@@ -13,7 +13,7 @@ from pellucid._errors import StudyError
 
 from ..elbow.rig import ElbowRig
 from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, emg_columns, marker_columns
-from ..rig import Taken, Trial
+from ..rig import Store, Streams, Taken, Trial
 from ..shipped_rigs import shipped_rig
 from .constants import ParticipantsConstants, PeopleConstants, PointingConstants
 from .instruments import COMMON_COLUMNS, FOREARM_MARKERS, record_blocks
@@ -121,9 +121,27 @@ class PointingRig(PointingPlant):
         instruments: np.random.Generator | None = None,
     ) -> Taken:
         """Record one trial; a `controller` replaces the condition's own. `Taken.inside` is a `PointingSession`."""
+        return self.record_and_store(
+            trial, lambda name, streams: streams, rng=rng, controller=controller, instruments=instruments
+        )
+
+    def record_and_store(
+        self,
+        trial: PointingTrial,
+        store: Store,
+        *,
+        rng: np.random.Generator,
+        controller: RobotLaw | None = None,
+        instruments: np.random.Generator | None = None,
+    ) -> Taken:
+        """Do one trial as `record` does; `store` gets each recording before the next one is made."""
         instruments = rng.spawn(1)[0] if instruments is None else instruments
         session = self.session(trial, rng, controller)
-        return Taken(trial, record_blocks(self, session, instruments), truth={"fault": session.fault}, inside=session)
+        files: dict[str, Streams] = {}
+        for name, streams in record_blocks(self, session, instruments):
+            files[name] = store(name, streams)
+            del streams  # released before the next recording is made
+        return Taken(trial, files, truth={"fault": session.fault}, inside=session)
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
         """Return the contents of study.toml for the recordings that were `made`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from pellucid.controllers.supervisor_faults import NO_FAULT
 from pellucid.models.simulate import substeps_for
 from pellucid.people.movements import Kinematics, MovementRule, Stretch, kinematics
 
+from ..processes import results_from_threads
 from ..rig import Outcome
 from .load_learning import load_regressor, update_expected_load
 from .movement_choice import preferred_duration
@@ -278,9 +279,8 @@ def simulate_sessions(
     The result holds what the function `then` returns for each session. Threads help because the core releases Python's
     lock while it moves an arm.
     """
-    if threads <= 1:
-        return [then(simulate_session(*job)) for job in jobs]
-    from concurrent.futures import ThreadPoolExecutor
 
-    with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(lambda job: then(simulate_session(*job)), jobs))
+    def one(*job: Any) -> Outcome:
+        return then(simulate_session(*job))
+
+    return list(results_from_threads([(one, *job) for job in jobs], threads))
