@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <cstring>
 #include <limits>
 #include <string>
 #include <vector>
@@ -37,38 +38,47 @@ constexpr int most_decimals = 15;
 constexpr double powers[most_decimals + 1] = {1e0, 1e1, 1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
                                               1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
 
+constexpr std::uint64_t tens[most_decimals + 1] = {
+    1,         10,         100,         1000,         10000,         100000,         1000000,         10000000,
+    100000000, 1000000000, 10000000000, 100000000000, 1000000000000, 10000000000000, 100000000000000, 1000000000000000};
+
+/// Room for one number and what follows it: the largest has 309 digits before the point.
+constexpr std::size_t most_characters = 340;
+constexpr std::size_t held_characters = 1 << 14;
+
 /// The last decimal that is needed, as a whole number; false where rounding of the product could change it.
 bool scaled(double size, int decimals, std::uint64_t& whole) {
   const double product = size * powers[decimals];
   if (!(product < 1e15)) return false;
-  const double down = std::floor(product), rest = product - down;
+  const std::int64_t down = static_cast<std::int64_t>(product);
+  const double rest = product - static_cast<double>(down);
   // The product is off by half a unit in its last place; a number so close to the middle of two is left to the library.
   if (std::abs(rest - 0.5) <= product * std::numeric_limits<double>::epsilon()) return false;
   whole = static_cast<std::uint64_t>(down) + (rest > 0.5 ? 1 : 0);
   return true;
 }
 
-void add_number(std::string& text, double value, int decimals) {
-  if (std::isnan(value)) return;
+/// Writes a number to `at`, which has room for it, and returns the end of its text.
+char* put_number(char* at, double value, int decimals) {
+  if (std::isnan(value)) return at;
   std::uint64_t whole;
-  char digits[40];
   if (!scaled(std::abs(value), decimals, whole)) {
-    char written[340];  // the largest number has 309 digits, a sign, and 16 characters more
-    std::snprintf(written, sizeof written, "%.*f", decimals, value);
-    std::string all(written);
-    std::replace(all.begin(), all.end(), ',', '.');  // the decimal point of some places
-    text += all == "-0" ? "0" : all;
-    return;
+    std::snprintf(at, most_characters, "%.*f", decimals, value);
+    const std::size_t size = std::strlen(at);
+    std::replace(at, at + size, ',', '.');  // the decimal point of some places
+    if (std::strcmp(at, "-0") != 0) return at + size;
+    *at = '0';
+    return at + 1;
   }
-  char* const end = digits + sizeof digits;
-  char* at = end;
-  for (int k = 0; k < decimals; ++k, whole /= 10) *--at = static_cast<char>('0' + whole % 10);
-  if (decimals > 0) *--at = '.';
-  do *--at = static_cast<char>('0' + whole % 10);
-  while ((whole /= 10) > 0);
-  const bool zero = decimals == 0 && *at == '0';
-  if (std::signbit(value) && !zero) *--at = '-';
-  text.append(at, static_cast<std::size_t>(end - at));
+  if (std::signbit(value) && (decimals > 0 || whole > 0)) *at++ = '-';
+  std::ptrdiff_t digits = decimals + 1;
+  while (digits <= most_decimals && whole >= tens[digits]) ++digits;
+  char* const end = at + digits + (decimals > 0 ? 1 : 0);
+  char* back = end;
+  for (int k = 0; k < decimals; ++k, whole /= 10) *--back = static_cast<char>('0' + whole % 10);
+  if (decimals > 0) *--back = '.';
+  for (; back > at; whole /= 10) *--back = static_cast<char>('0' + whole % 10);
+  return end;
 }
 
 nb::object number_rows(nb::handle values_, nb::handle decimals_) {
@@ -86,13 +96,19 @@ nb::object number_rows(nb::handle values_, nb::handle decimals_) {
   std::string text;
   {
     nb::gil_scoped_release release;
-    text.reserve(10 * rows * columns);
-    const double* at = values.data;
+    text.reserve(8 * rows * columns);
+    char held[held_characters + most_characters];
+    char* at = held;
+    const double* value = values.data;
     for (std::size_t r = 0; r < rows; ++r)
       for (std::size_t c = 0; c < columns; ++c) {
-        add_number(text, *at++, after[c]);
-        text += c + 1 < columns ? ',' : '\n';
+        at = put_number(at, *value++, after[c]);
+        *at++ = c + 1 < columns ? ',' : '\n';
+        if (at < held + held_characters) continue;
+        text.append(held, static_cast<std::size_t>(at - held));
+        at = held;
       }
+    text.append(held, static_cast<std::size_t>(at - held));
   }
   return nb::bytes(text.data(), text.size());
 }
