@@ -14,7 +14,7 @@ from ..noise import draw_noise
 from .machine import ElbowMachine
 from .protocol import ElbowTrial
 
-BATCH_TRIAL_COUNT = 8
+BATCH_TRIAL_COUNT = 4
 """Number of trials that are simulated at a time, so that a long protocol needs no more memory."""
 
 
@@ -40,12 +40,13 @@ def read_all(
         groups.setdefault((trial.loop, id(trial.reference)), []).append(i)
     made: dict[int, ElbowReadings] = {}
     for (loop, _), members in groups.items():
-        noise = rng.standard_normal((len(members), len(trials[members[0]].reference)))
+        time = np.arange(len(trials[members[0]].reference)) / rig.constants.sampling.rate
+        noise = rng.standard_normal((len(members), len(time)))
         for first in range(0, len(members), BATCH_TRIAL_COUNT):
             part = slice(first, first + BATCH_TRIAL_COUNT)
             command, measured, link = play(rig, loop, [trials[i] for i in members[part]], noise[part], threads=threads)
             for row, i in enumerate(members[part]):
-                made[i] = _read(rig, trials[i], command[row], measured[row], link[row], rng)
+                made[i] = _read(rig, trials[i], time, command[row], measured[row], link[row], rng)
     return [made[i] for i in range(len(trials))]
 
 
@@ -81,6 +82,7 @@ def play(
 def _read(
     rig: ElbowMachine,
     trial: ElbowTrial,
+    time: np.ndarray,
     command: np.ndarray,
     measured: np.ndarray,
     link: np.ndarray,
@@ -91,7 +93,6 @@ def _read(
     current = 0.5 * (command + np.concatenate([command[:1], command[:-1]]))
     current = current + draw_noise(current.shape, sensor.noise, sensor.noise_memory, fs, rng)
     current = np.clip(current, -rig.constants.motor.current_limit, rig.constants.motor.current_limit)
-    time = np.arange(len(link)) / fs
     optical_time, markers, offset = film(rig, trial.slider, time, link, rng)
     return ElbowReadings(
         trial,

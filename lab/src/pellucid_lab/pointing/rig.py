@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from threading import Lock
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -24,6 +25,9 @@ from .session import CONTROL_CONDITION, Conditions, PointingSession, RobotLaw, s
 PUBLISHED_CONDITIONS = (CONTROL_CONDITION, "FC", "PCFr", "CLPC")
 """Names of the paper's conditions."""
 
+
+ONE_RECORDING = Lock()
+"""Held while a session is recorded: its raw EMG takes several times the memory of the session itself."""
 
 COMMENTS = {
     "": "People who point with the forearm, free and strapped to an elbow robot. Nothing below tells them from"
@@ -138,9 +142,10 @@ class PointingRig(PointingPlant):
         instruments = rng.spawn(1)[0] if instruments is None else instruments
         session = self.session(trial, rng, controller)
         files: dict[str, Streams] = {}
-        for name, streams in record_blocks(self, session, instruments):
-            files[name] = store(name, streams)
-            del streams  # released before the next recording is made
+        with ONE_RECORDING:
+            for name, streams in record_blocks(self, session, instruments):
+                files[name] = store(name, streams)
+                del streams  # released before the next recording is made
         return Taken(trial, files, truth={"fault": session.fault}, inside=session)
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
