@@ -216,4 +216,5 @@ class SolvedMethod:
         """
         rows = [x if self.every_row else x[m.moving] for x, m in zip(labels, data.motions, strict=True)]
         made = values_without_blocks(self.found, np.concatenate(rows), self.instruments)
-        return {block: np.clip(values, *self.model.bounds()) for block, values in made.items()}
+        lower, upper = self.model.bounds()
+        return {block: np.clip(values, lower, upper) for block, values in made.items()}

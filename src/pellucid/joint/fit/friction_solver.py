@@ -91,12 +91,13 @@ def values_without_blocks(
     z = w if instruments is None else instruments[:, free] / scale * found.weights[:, None]
     residual = found.residual * found.weights
     gram, moment = z.T @ w, z.T @ residual
-    made = {}
-    for block, own in rows_of_blocks(labels):
-        rest = gram - z[own].T @ w[own], moment - z[own].T @ residual[own]
-        made[block] = found.values.copy()
-        made[block][free] += np.linalg.lstsq(*rest, rcond=1e-10)[0] / scale
-    return made
+    blocks = dict(rows_of_blocks(labels))
+    grams = np.array([gram - z[own].T @ w[own] for own in blocks.values()])
+    moments = np.array([moment - z[own].T @ residual[own] for own in blocks.values()])
+    values = np.tile(found.values, (len(blocks), 1))
+    # The systems are small: they are solved in one call.
+    values[:, free] += (np.linalg.pinv(grams, rcond=1e-10) @ moments[:, :, None])[:, :, 0] / scale
+    return dict(zip(blocks, values, strict=True))
 
 
 def residuals_without_blocks(
