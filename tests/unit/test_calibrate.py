@@ -282,6 +282,16 @@ def test_a_weighted_mean_is_evaluated_on_every_recording_that_is_like_the_fitted
     assert all(f"{100.0 * weight:.0f} %" in chosen.brief for weight in chosen.weights.weights.values())
 
 
+def test_the_effect_of_rescale_on_the_best_repaired_estimator_is_on_the_terminal():
+    poor, good = (Score(1.0, r2) for r2 in (0.3, 0.9))
+    whole = replace(told("hill", 1.0, "moved"), score=good, as_recorded=good, repaired=())
+    ridge = replace(told("ridge", 1.0, "moved"), score=replace(good, r2=0.8), as_recorded=poor, repaired=("soleus",))
+    first, each = module._repair_tables([whole, ridge])
+    assert first.rows == (("knee, moved", "ridge regression", 0.3, 0.8, "soleus"),)
+    assert (first.max_brief_rows > 0, each.max_brief_rows) == (True, 0)
+    assert len(module._repair_tables([whole])) == 1
+
+
 def test_the_worth_of_emg_has_an_interval_where_an_estimator_had_no_result_in_one_of_the_tests():
     found, traces = weighed_case()
     lost = {"hill": (np.full(400, np.nan),)}
