@@ -13,7 +13,7 @@ from pellucid.start.given_files import read_given, tables_of_columns
 from pellucid.start.init_from_files import missing_part
 from pellucid.start.proposal_page import proposal_page
 from pellucid.start.propose_study import propose_study, require_signed_effort
-from pellucid.start.study_text import study_text
+from pellucid.start.study_text import channel_name, study_text
 from pellucid.start.try_log import try_log
 
 INERTIA, GRAVITY, VISCOUS, COULOMB = 0.05, 2.0, 0.06, 0.2
@@ -130,6 +130,17 @@ def test_an_angle_and_envelopes_without_a_torque_ask_for_the_torque(tmp_path):
     said = missing_part(proposed(written(tmp_path / "trial.csv", header, [t, np.degrees(q), *envelopes])))
     assert said.startswith("found a joint angle and the envelopes of 2 muscles, but no torque")
     assert "knee_torque" in said
+
+
+def test_a_muscle_that_one_file_lacks_stays_a_muscle_of_the_others(tmp_path):
+    t, q, _, tau = swing()
+    envelopes = [0.1 + 0.1 * np.sin(2.0 * np.pi * f * t) ** 2 for f in (0.5, 0.7)]
+    header = "time [s],knee_angle [deg],vastus_lateralis [1],knee_torque [N*m],biceps_femoris [1]"
+    columns = [t, np.degrees(q), envelopes[0], tau, envelopes[1]]
+    whole = written(tmp_path / "whole.csv", header, columns)
+    less = written(tmp_path / "less.csv", header.rpartition(",")[0], columns[:-1])
+    extras = {r.name: [channel_name(role) for role in r.extras] for r in proposed(whole, less).recordings}
+    assert extras == {"whole": ["emg.biceps_femoris"], "less": []}
 
 
 def test_emg_beside_an_unnamed_torque_says_how_a_study_of_torque_from_emg_is_made(tmp_path):

@@ -835,13 +835,13 @@ def _remark_left(layout: Layout, why: str, remarks: list[str]) -> None:
 
 
 def _extras(table: GivenTable, main: Layout) -> tuple[ColumnRole, ...]:
-    """Return channels of a table's further columns, under their own names."""
+    """Return channels of a table's further columns: EMG of a muscle, and all others under their own names."""
     more = set(table.columns) - set(main.tables[0].columns)
     if not more or not set(main.tables[0].columns) <= set(table.columns):
         return ()
     found = assign_roles(dict(table.columns), TableHints(units=table.units, angle_unit=table.angle_unit)).roles
     return tuple(
-        replace(role, quantity=_own_quantity(role) or "extra", label="")
+        role if role.quantity == "emg" else replace(role, quantity=_own_quantity(role) or "extra", label="")
         for role in found
         if role.column in more and role.quantity is not None
     )
