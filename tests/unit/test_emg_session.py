@@ -211,3 +211,18 @@ def test_trials_with_other_muscles_are_refused():
     fewer = replace(trial, envelopes={"soleus": trial.envelopes["soleus"]})
     with pytest.raises(IdentificationError, match="same muscles and angles"):
         FittedSession.from_trials([trial, fewer])
+
+
+def test_patterns_of_several_channels_share_one_decomposition():
+    rng = np.random.default_rng(3)
+    motion = rng.standard_normal((400, 6)) @ rng.standard_normal((6, 6))
+    envelopes = rng.random((400, 4)) + 0.2 * motion[:, :1] ** 2
+    for penalty in (0.0, 10.0):
+        ridge = Ridge(penalty, tuple(range(6)))
+        together = ridge.fit_each(motion, envelopes)
+        for pattern, column in zip(together, envelopes.T, strict=True):
+            alone = Ridge(penalty, tuple(range(6))).fit(motion, column)
+            assert pattern.offset_ == pytest.approx(alone.offset_, rel=1e-12)
+            np.testing.assert_allclose(pattern.predict(motion), alone.predict(motion), rtol=1e-9, atol=1e-11)
+    with pytest.raises(IdentificationError, match="expected 400 finite numbers"):
+        ridge.fit_each(motion, envelopes[:-1])

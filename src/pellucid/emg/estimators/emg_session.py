@@ -596,7 +596,7 @@ def _fit_patterns(moved: Sequence[np.ndarray], x: Sequence[np.ndarray]) -> list[
     """Return the pattern of each channel from motion, shape (n, 2 angles) each, and envelopes, shape (n, k) each."""
     motion, envelopes = np.vstack(moved), np.vstack(x)
     everything = tuple(range(motion.shape[1]))
-    return [Ridge(SESSION_LIMITS.pattern_penalty, everything).fit(motion, column) for column in envelopes.T]
+    return Ridge(SESSION_LIMITS.pattern_penalty, everything).fit_each(motion, envelopes)
 
 
 def _predict_all(patterns: Sequence[Ridge], moved: np.ndarray) -> np.ndarray:

@@ -27,10 +27,10 @@ class PlainRegressor:
         """Return the settings by name."""
         return {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
 
-    def _check_fitted_rows(self, X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return checked features, shape (n, k), and torque, shape (n,), for the fit."""
+    def _check_fitted_rows(self, X: np.ndarray, y: np.ndarray, ndim: int = 1) -> tuple[np.ndarray, np.ndarray]:
+        """Return checked features, shape (n, k), and torque, shape (n,) or with `ndim` 2 (n, m), for the fit."""
         X, y = self._check_rows(X), np.asarray(y, float)
-        if y.shape != X.shape[:1] or not np.isfinite(y).all():
+        if y.ndim != ndim or len(y) != len(X) or not np.isfinite(y).all():
             raise IdentificationError(f"regression: found torques of shape {y.shape}, expected {len(X)} finite numbers")
         self.n_features_in_ = X.shape[1]
         return X, y

@@ -8,8 +8,10 @@ Features are made comparable (mean 0, variance 1) and the offset is not penalise
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +35,15 @@ class Ridge(PlainRegressor):
         self.coefficients_ = _solve(self._decompose(X, y, weight=row_weight), self.alpha)
         return self
 
+    def fit_each(self, X: np.ndarray, columns: np.ndarray) -> list[Ridge]:
+        """Return a fit of each of `columns`, shape (n, m), to the same features; most of the work is shared."""
+        system = self._decompose(X, columns, squared=self.alpha > 0.0)
+        made = []
+        for offset, coefficients in zip(self.offset_, _solve(system, self.alpha).T, strict=True):
+            made.append(copy(self))
+            made[-1].offset_, made[-1].coefficients_ = float(offset), coefficients
+        return made
+
     def predict_each(
         self,
         X: np.ndarray,
@@ -53,18 +64,19 @@ class Ridge(PlainRegressor):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return directions of the coefficients, (k, r), their squared singular values and their projections, (r,).
 
-        A projection is the direction's scalar product with the torque, times the singular value. `squared` computes
-        them from products of features, which is faster and has half as many digits.
+        A projection is the direction's scalar product with the torque, times the singular value; (r, m) for `y` of
+        shape (n, m). `squared` computes them from products of features, which is faster and has half as many digits.
         """
-        X, y = self._check_fitted_rows(X, y)
+        X, y = self._check_fitted_rows(X, y, np.ndim(y) or 1)
         x = self._add_products(X)
         self.mean_, self.scale_ = mean_and_scale(x, weight)
         # The product with a constant is a copy of its other factor, and would grow where the constant is another.
         constant = np.isinf(self.scale_[: X.shape[1]])[list(self.products)]
         rows, columns = _pairs(len(self.products))
         self.scale_[X.shape[1] :][constant[rows] | constant[columns]] = np.inf
-        self.offset_ = float(np.mean(y) if weight is None else np.average(y, weights=weight))
-        x, y = (x - self.mean_) / self.scale_, y - self.offset_
+        offset = np.average(y, axis=0, weights=weight)
+        self.offset_: Any = float(offset) if y.ndim == 1 else offset
+        x, y = (x - self.mean_) / self.scale_, y - offset
         if weight is not None:
             root = np.sqrt(np.asarray(weight, float))
             x, y = root[:, None] * x, root * y
@@ -72,7 +84,7 @@ class Ridge(PlainRegressor):
             q, r = np.linalg.qr(x)
             u, s, vt = np.linalg.svd(r, full_matrices=False)  # The singular values of r are those of x; r is smaller
             told = s > SINGULAR_VALUE_TOLERANCE * s[0]
-            return vt[told].T, s[told] ** 2, s[told] * (u.T @ (q.T @ y))[told]
+            return vt[told].T, s[told] ** 2, (s[told] * (u.T @ (q.T @ y))[told].T).T
         if x.shape[0] < x.shape[1]:
             squares, u = np.linalg.eigh(x @ x.T)
             return x.T @ u, np.maximum(squares, 0.0), u.T @ y
@@ -113,8 +125,8 @@ def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _solve(system: tuple[np.ndarray, np.ndarray, np.ndarray], alpha: float) -> np.ndarray:
-    """Return the coefficients of a decomposed system with the penalty `alpha`, shape (k,)."""
+    """Return the coefficients of a decomposed system with the penalty `alpha`, shape (k,) or (k, m)."""
     if not alpha >= 0.0:
         raise IdentificationError(f"ridge: found the penalty {alpha:g}, expected at least 0")
     directions, squares, gathered = system
-    return directions @ (gathered / (squares + alpha))
+    return directions @ (gathered.T / (squares + alpha)).T
