@@ -1,4 +1,4 @@
-"""The parts of a proof: their rows in order, each called in its turn, and what is said of the time that each has taken."""
+"""The parts of a proof: their rows in order, each called in its turn, and what is said of the time that each took."""
 
 from research.evidence._parts import run_parts
 
