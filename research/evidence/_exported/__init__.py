@@ -59,7 +59,7 @@ JUDGED_SEED = 20301129
 PLANT_COUNT = sized(20, smallest=1)
 """Number of foreign plants, each with a wearer, on which every fault is tried under every law."""
 
-EXPORTED_LAWS: tuple[str, ...] = sized(LAWS, smallest=("transparent", "compensation"))
+EXPORTED_LAWS: tuple[str, ...] = sized(LAWS, smallest=("force_sensor", "compensation"))
 """Controllers of the elbow that are exported."""
 
 HEALTHY_HOURS = sized(48.0, smallest=0.02)
