@@ -8,6 +8,7 @@ from made_walking import MUSCLES, TOPS, changed, walking
 
 from pellucid._errors import IdentificationError
 from pellucid.emg.estimators.emg_session import FittedSession
+from pellucid.emg.estimators.ridge import Ridge
 
 
 @pytest.fixture(scope="module")
