@@ -121,6 +121,10 @@ def block_length(time: float, rows: int) -> int:
     )
 
 
+ROWS_AT_ONCE = 1 << 16
+"""Number of rows whose products are summed at a time, so that no copy of all rows is made."""
+
+
 @np.errstate(over="ignore", invalid="ignore")
 def long_run_covariance(
     scores: np.ndarray, residual: np.ndarray, lengths: Sequence[int], memory: float | None = None
@@ -143,9 +147,10 @@ def long_run_covariance(
         return (scores - mean).T @ (scores - mean)
     now, next_ = np.zeros((p, p)), np.zeros((p, p))
     for stretch in stretches:
-        part = scores[stretch] - mean  # one stretch at a time, to save memory
-        now += part[:-1].T @ part[:-1]
-        next_ += part[:-1].T @ part[1:]
+        for first in range(stretch.start, stretch.stop - 1, ROWS_AT_ONCE):
+            part = scores[first : min(first + ROWS_AT_ONCE + 1, stretch.stop)] - mean
+            now += part[:-1].T @ part[:-1]
+            next_ += part[:-1].T @ part[1:]
     common = float(np.trace(np.linalg.pinv(now, hermitian=True) @ next_)) / p
     r = float(
         np.clip(common, -BLOCK_SETTINGS.max_prewhitening_coefficient, BLOCK_SETTINGS.max_prewhitening_coefficient)
@@ -153,13 +158,15 @@ def long_run_covariance(
     stride = max(1, block // BLOCK_SETTINGS.block_starts_per_length)
     total, rows = np.zeros((p, p)), 0
     for stretch in stretches:
-        part = scores[stretch] - mean
-        n = len(part) - 1
-        summed = np.zeros((n + 2 * block, p))
-        np.cumsum(part[1:] - r * part[:-1], axis=0, out=summed[block : block + n])
-        summed[block + n :] = summed[block + n - 1]
-        blocks = summed[block::stride] - summed[: n + block : stride]
-        total += blocks.T @ blocks * (stride / block)
+        n = stretch.stop - stretch.start - 1
+        blocks = np.empty((p, len(range(0, n + block, stride))))
+        for k, into in enumerate(blocks):  # one parameter at a time, to save memory
+            part = scores[stretch, k] - mean[k]
+            summed = np.zeros(n + 2 * block)
+            np.cumsum(part[1:] - r * part[:-1], out=summed[block : block + n])
+            summed[block + n :] = summed[block + n - 1]
+            np.subtract(summed[block::stride], summed[: n + block : stride], out=into)
+        total += blocks @ blocks.T * (stride / block)
         rows += n
     few = student_to_normal_ratio(degrees_of_freedom(block, m))
     return total * (m / rows) * few**2 / ((1.0 - r) ** 2 * (1.0 - block / m))

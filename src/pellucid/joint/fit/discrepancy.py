@@ -43,7 +43,7 @@ import numpy as np
 
 from ...models.friction_terms import SEPARATE_LOAD_FEATURE, features_of, is_friction, shape_index
 from ...numerics.motion import SLOW_SHARE
-from ...numerics.regression import FittedMotion, Stack, column_norms
+from ...numerics.regression import FittedMotion, Stack, column_norms, triangular_factor
 from .unknown_payload import FRICTION_DRAWS, SteadyStates, carried_friction, draw_normal, standard_draws
 
 
@@ -300,7 +300,6 @@ def neglected_columns(
     norms = column_norms(jacobian)
     free = (norms > 1e-12 * norms.max()) & (np.diag(statistical) > 0.0)
     scale = norms[free]
-    w = jacobian[:, free] / scale
     error = np.sqrt(np.diag(statistical)[free]) * scale  # standard errors of the scaled parameters
     size = float(np.sqrt(np.mean(residual**2)))
     kept = states.standstill < SLOW_SHARE
@@ -310,12 +309,14 @@ def neglected_columns(
     if not size > 0.0 or kept.sum() < 4 * (int(free.sum()) + len(NEGLECTED_EFFECTS) + turning):
         return None
     rows = np.flatnonzero(kept)[:: max(1, int(kept.sum()) // DISCREPANCY_SETTINGS.max_rows)]
+    w = jacobian[np.ix_(rows, free)] / scale
     columns, words, sizes = _effect_columns(
-        states, rows, w[rows], size, "" if SEPARATE_LOAD_FEATURE in features_of(names) else UNEQUAL_LOAD_LOSSES
+        states, rows, w, size, "" if SEPARATE_LOAD_FEATURE in features_of(names) else UNEQUAL_LOAD_LOSSES
     )
-    x, y = np.hstack([w[rows], columns]), residual[rows]
+    x, y = np.hstack([w, columns]), residual[rows]
     # The noise variance for which ordinary least squares on the used rows has the statistical standard errors.
-    coloured = float(np.median(error**2 / np.diag(np.linalg.inv(w.T @ w)))) * len(rows) / len(residual)
+    gram = (jacobian.T @ jacobian)[np.ix_(free, free)] / np.outer(scale, scale)
+    coloured = float(np.median(error**2 / np.diag(np.linalg.inv(gram)))) * len(rows) / len(residual)
     step = np.linalg.lstsq(x, y, rcond=None)[0]
     white = float(np.mean((y - x @ step) ** 2)) / size**2
     noise = max(coloured * min(1.0, white), np.finfo(float).tiny * size**2)
@@ -324,7 +325,7 @@ def neglected_columns(
         at = words.index(UNEQUAL_LOAD_LOSSES)
         # The fitted load friction limits the difference of its two shares more tightly than the residual does.
         tied[at] = (LOAD_SHARE_SPREAD_RATIO * values[list(names).index(COMMON_LOAD_COEFFICIENT)] / sizes[at]) ** 2
-    return NeglectedColumns(rows, free, scale, w[rows], columns, words, sizes, y, noise, tied)
+    return NeglectedColumns(rows, free, scale, w, columns, words, sizes, y, noise, tied)
 
 
 def estimate_discrepancy(
@@ -352,9 +353,8 @@ def estimate_discrepancy(
     lacks = neglected_columns(names, values, jacobian, residual, states, statistical)
     if lacks is None:
         return nothing()
-    free, scale, rows, words, sizes = lacks.free, lacks.scale, lacks.rows, lacks.words, lacks.sizes
+    free, scale, words, sizes = lacks.free, lacks.scale, lacks.words, lacks.sizes
     count, size, x = len(scale), float(np.sqrt(np.mean(residual**2))), lacks.both
-    w = jacobian[:, free] / scale
     gram, moment = x.T @ x / lacks.noise, x.T @ lacks.target / lacks.noise
     members = (*CAUSE_GROUPS, (TURNING_CAUSE,))
     groups = [np.array([i for i, word in enumerate(words) if word in group], int) for group in members]
@@ -369,14 +369,16 @@ def estimate_discrepancy(
     except np.linalg.LinAlgError:
         return nothing()
     found = posterior @ moment
-    plain = np.linalg.lstsq(w, residual, rcond=None)[0]  # differs from 0 where a bound holds a parameter
+    factor = triangular_factor(jacobian, residual)
+    # The solution differs from 0 where a bound holds a parameter.
+    plain = np.linalg.lstsq(factor[:, :-1][:, free] / scale, factor[:, -1], rcond=None)[0]
     shift = plain - found[:count]
     units, at = np.outer(scale, scale), np.ix_(free, free)
     whole = np.outer(shift, shift) + posterior[:count, :count]
     part = excess_covariance(whole, statistical[at] * units)
     covariance[at] = part / units
     explained[at] = statistical[at] - (whole - part) / units
-    moved = np.linalg.lstsq(w[rows], x[:, count:] * found[count:], rcond=None)[0]
+    moved = np.linalg.lstsq(x[:, :count], x[:, count:] * found[count:], rcond=None)[0]
     turned = np.array([word == TURNING_CAUSE for word in words], bool)
     # What the columns of the turning move is one effect.
     moved = np.column_stack([np.where(turned, 0.0, moved), moved[:, turned].sum(axis=1), shift - moved.sum(axis=1)])

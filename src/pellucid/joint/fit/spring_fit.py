@@ -22,7 +22,7 @@ from ..._errors import IdentificationError
 from ...models.estimates import Parameter
 from ...numerics.block_test import compare_held_out
 from ...numerics.motion import Motion, require_fitted
-from ...numerics.regression import Solution, triangular_factor
+from ...numerics.regression import Solution, column_norms, triangular_factor
 from ...numerics.uncertainty import sandwich_covariance
 from .friction_solver import cross_validated_residuals
 
@@ -160,13 +160,11 @@ def solve_spring(
     columns: np.ndarray, effort: np.ndarray, lengths: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the solution (p,), its covariance (p, p) and the residual (m,) of an `effort` (m,) by `columns` (m, p)."""
-    scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-    scaled = columns / scale
-    factor = triangular_factor(scaled, effort)
-    solution = np.linalg.lstsq(factor[:, :-1], factor[:, -1], rcond=1e-10)[0]
-    residual = effort - scaled @ solution
-    covariance = sandwich_covariance(scaled, residual, lengths) / np.outer(scale, scale)
-    return solution / scale, covariance, residual
+    scale = np.maximum(column_norms(columns), np.finfo(float).tiny)
+    factor = triangular_factor(columns, effort)
+    solution = np.linalg.lstsq(factor[:, :-1] / scale, factor[:, -1], rcond=1e-10)[0] / scale
+    residual = effort - columns @ solution
+    return solution, sandwich_covariance(columns, residual, lengths), residual
 
 
 def fit_spring(motions: Sequence[Motion], *, coordinate: str, effort: str) -> SpringFit:

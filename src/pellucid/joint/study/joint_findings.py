@@ -976,6 +976,7 @@ def _spring(fitted: Sequence[Prediction]) -> tuple[float, float, float]:
         one = np.ones_like(p.position)
         parts.append(np.column_stack([p.position, p.acceleration, p.velocity, np.sign(p.velocity), one]))
     columns, effort = np.concatenate(parts), np.concatenate([p.effort for p in fitted])
+    del parts  # as large as the columns
     solution, covariance, residual = solve_spring(columns, effort, [len(p.effort) for p in fitted])
     error = float(np.sqrt(max(covariance[0, 0], 0.0)))
     return float(solution[0]), error, float(residual @ residual)
