@@ -58,9 +58,9 @@ def rig_instruments(joint: JointTable | SeveralJoints) -> Instruments:
     if sensor is not None and sensor.present:
         given |= {name: getattr(sensor, key) for key, name in DRIVE_SENSOR_KEYS.items()}
     # A voltage limits the effort only together with the speed.
-    is_limited = drive is not None and drive.limit is not None and drive.kind != "voltage"
-    if is_limited and given.get("drive_limit") is None:
-        given["drive_limit"] = drive_model(joint).gain * drive.limit
+    limit = None if drive is None or drive.kind == "voltage" else drive.limit
+    if limit is not None and given.get("drive_limit") is None:
+        given["drive_limit"] = drive_model(joint).gain * limit
     if table.force_sensor is not None:
         given |= {name: getattr(table.force_sensor, key) for key, name in FORCE_SENSOR_KEYS.items()}
     return Instruments(**{name: value for name, value in given.items() if value is not None})
