@@ -10,6 +10,7 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import StudyError
+from pellucid._processes import processes
 from pellucid.models.anthropometry import forearm
 from pellucid_lab.pointing.load_learning import load_regressor, update_expected_load
 from pellucid_lab.pointing.movement_choice import preferred_duration, utility
@@ -18,7 +19,7 @@ from pellucid_lab.pointing.rig import PointingRig, elbow_participants
 from pellucid_lab.pointing.session import Unpowered, simulate_session, standstill_speed
 from pellucid_lab.shipped_rigs import shipped_rig
 from pellucid_lab.simulate import simulate
-from pellucid_lab.study import record_in_memory, write_study
+from pellucid_lab.study import record_in_memory, write_full_study, write_study
 
 RIG = elbow_participants()
 FROZEN = "412a5375a3b93d67"
@@ -173,6 +174,19 @@ def test_threads_change_nothing_and_of_a_session_stays_what_is_asked_for(short):
         for x, y in ((a, b), (a.streams["emg"], b.streams["emg"])):
             assert all(np.array_equal(x[name], y[name]) for name in x.channels)
             assert not any(x[name].flags.writeable for name in x.channels)
+
+
+def test_workers_of_an_executor_write_the_same_files(short, tmp_path):
+    rig = short.under(LAWS)
+    _, duration = write_full_study(tmp_path / "here", rig, name="short", seed=7)
+    with processes(2) as executor:
+        _, other = write_full_study(tmp_path / "there", rig, name="short", seed=7, executor=executor)
+    assert duration == other > 0.0
+    names = sorted(path.relative_to(tmp_path / "here") for path in (tmp_path / "here").rglob("*") if path.is_file())
+    assert len(names) > 10
+    for name in names:
+        if not name.name.startswith("."):
+            assert (tmp_path / "there" / name).read_bytes() == (tmp_path / "here" / name).read_bytes(), name
 
 
 def test_files_and_memory_hold_the_same(short, tmp_path):

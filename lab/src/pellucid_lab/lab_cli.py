@@ -40,12 +40,15 @@ def simulate(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a study.toml that was changed by hand.")
     ] = False,
+    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
 ) -> None:
     """Simulate the recordings of a virtual rig."""
+    from pellucid.people.design_columns import cluster
+
     from .simulate import simulate as run
 
-    with show_progress() as tell:
-        made = run(folder, seed, controllers=controller, overwrite=overwrite, on_progress=tell)
+    with cluster(scheduler) as executor, show_progress() as tell:
+        made = run(folder, seed, controllers=controller, overwrite=overwrite, executor=executor, on_progress=tell)
     out = make_console()
     times = made.joint_time / made.wall_time
     print_line(

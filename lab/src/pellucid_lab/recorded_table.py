@@ -53,6 +53,7 @@ class StoredTable:
     columns: tuple[Column, ...]
     values: np.ndarray  # (n, columns) counts, or numbers in the columns' units; NaN where a sample is missing
     comment: str = ""  # text before the header line, with its line end; "" for none
+    released_duration: float = float("nan")  # duration of the rows that an emptied table had [s]
 
     @classmethod
     def of(cls, columns: Sequence[Column], *values: np.ndarray, comment: str = "") -> StoredTable:
@@ -92,15 +93,17 @@ class StoredTable:
     @property
     def duration(self) -> float:
         """Return the duration of the recording by the clock in the first column [s]."""
+        if not len(self.values):
+            return self.released_duration
         clock = self.columns[0]
         time = clock.scale * self.values[[0, -1], 0] * (1e-3 if clock.unit == "ms" else 1.0)
         return float(time[-1] - time[0]) * len(self.values) / (len(self.values) - 1)
 
     @property
     def emptied(self) -> StoredTable:
-        """Return a table with the same columns and no row."""
+        """Return a table with the same columns and duration, and no row."""
         # A view would keep all samples alive.
-        return StoredTable(self.columns, self.values[:0].copy())
+        return StoredTable(self.columns, self.values[:0].copy(), released_duration=self.duration)
 
 
 def file_name(recording: str, stream: str) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -209,24 +210,31 @@ class Rig(ABC):
         store: Store = lambda name, streams: streams,
         then: Callable[[Taken], Outcome] = lambda taken: taken,
         threads: int = 1,
+        executor: Executor | None = None,
         on_progress: Tell | None = None,
     ) -> Iterator[Outcome]:
-        """Do trials one after another."""
+        """Do trials one after another, or each on a worker of an `executor`."""
         tell = on_progress or (lambda text, share: None)
-
-        def one(trial: Trial, drawn: dict[str, Any]) -> Outcome:
-            return then(self.record_and_store(trial, store, **drawn))
-
         draws = self.draws(trials, seed)
-        if threads <= 1 or not self.parallel:
+        if executor is None and (threads <= 1 or not self.parallel):
             for i, (trial, drawn) in enumerate(zip(trials, draws, strict=True)):
                 tell(f"recording {trial.name}", i / len(trials))
-                yield one(trial, drawn)
+                yield self._record_one(trial, drawn, store, then)
             return
-        jobs = [(one, *job) for job in zip(trials, draws, strict=True)]
-        for i, made in enumerate(results_from_threads(jobs, threads)):
+        jobs = [(self._record_one, *job, store, then) for job in zip(trials, draws, strict=True)]
+        if executor is None:
+            found = results_from_threads(jobs, threads)
+        else:
+            begun = [executor.submit(*job) for job in jobs]
+            found = (each.result() for each in begun)
+        for i, made in enumerate(found):
             yield made
             tell(f"recorded {trials[i].name}", (i + 1) / len(trials))
+
+    def _record_one(
+        self, trial: Trial, drawn: dict[str, Any], store: Store, then: Callable[[Taken], Outcome]
+    ) -> Outcome:
+        return then(self.record_and_store(trial, store, **drawn))
 
 
 def parse_tables(text: str, where: str) -> dict:

@@ -6,6 +6,7 @@ import os
 import re
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,6 +47,7 @@ def simulate(
     *,
     controllers: Sequence[str] | None = None,
     overwrite: bool = False,
+    executor: Executor | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Simulated:
     """Record the full protocol on the virtual rig of ``lab/rig.toml``, and write its study.
@@ -64,6 +66,8 @@ def simulate(
         three.
     overwrite : bool
         Whether a study.toml that was changed by hand since the last simulation may be replaced.
+    executor : concurrent.futures.Executor, optional
+        Records trials that do not depend on each other, for instance a cluster's whose workers see the folder.
     on_progress : callable, optional
         Function that is called with a text and the share of the work that is done, 0 to 1.
 
@@ -102,7 +106,9 @@ def simulate(
     tell("preparing the rig", 0.0)
     try:
         rig = rig.prepared(controllers, seed)
-        study, joint_time = write_full_study(folder, rig, name=name, seed=seed, on_progress=on_progress)
+        study, joint_time = write_full_study(
+            folder, rig, name=name, seed=seed, executor=executor, on_progress=on_progress
+        )
     except PellucidError:
         raise
     except (ArithmeticError, ValueError, TypeError, LookupError, AttributeError) as error:

@@ -9,7 +9,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
@@ -65,31 +68,38 @@ def write_study(
 
 
 def write_full_study(
-    folder: Path, rig: Rig, *, name: str, seed: int, on_progress: Tell | None = None
+    folder: Path,
+    rig: Rig,
+    *,
+    name: str,
+    seed: int,
+    executor: Executor | None = None,
+    on_progress: Tell | None = None,
 ) -> tuple[Study, float]:
     """Record the full protocol as `write_study` does; return the study and its recordings' total duration [s]."""
-    return _record_and_write(folder, rig, name, seed, None, 2, on_progress)
+    return _record_and_write(folder, rig, name, seed, None, 2, on_progress, executor)
 
 
-def _record_and_write(folder, rig, name, seed, trials, threads, on_progress) -> tuple[Study, float]:
+def _write_recording(folder: Path, recording: str, streams: Streams) -> Streams:
+    """Write the files of a recording into a folder, and return its tables without rows."""
+    for stream, stored in streams.items():
+        with atomically(folder / file_name(recording, stream)) as file:
+            file.writelines(stored.parts)
+    return {stream: stored.emptied for stream, stored in streams.items()}
+
+
+def _record_and_write(folder, rig, name, seed, trials, threads, on_progress, executor=None) -> tuple[Study, float]:
     """Record `trials` and write the study of them; return it and its recordings' total duration [s]."""
-    made_in, durations = folder / UNFINISHED_FOLDER, {}
-
-    def write(recording: str, streams: Streams) -> Streams:
-        for stream, stored in streams.items():
-            with atomically(made_in / file_name(recording, stream)) as file:
-                file.writelines(stored.parts)
-        durations[recording] = streams[MAIN_STREAM].duration
-        return {stream: stored.emptied for stream, stored in streams.items()}
-
+    made_in = folder / UNFINISHED_FOLDER
     trials = rig.trials(seed) if trials is None else trials
     # A study must never mix files of two seeds: new files are kept in a folder of their own until all are written.
     with hold_lock(folder / STUDY_FILE):
         rmtree(made_in, ignore_errors=True)
         try:
             recorded = rig.record_all(
-                trials, seed, store=write, then=lambda taken: taken.noted, threads=threads, on_progress=on_progress
-            )
+                trials, seed, store=partial(_write_recording, made_in.absolute()), then=attrgetter("noted"),
+                threads=threads, executor=executor, on_progress=on_progress,
+            )  # fmt: skip
             taken = list(recorded)
             truth = {"seed": seed, "rig": rig.name, **rig.truth(seed)}
             truth["trials"] = {one.trial.name: one.truth for one in taken}
@@ -105,7 +115,7 @@ def _record_and_write(folder, rig, name, seed, trials, threads, on_progress) -> 
                 (made_in / file).replace(folder / file)
         finally:
             rmtree(made_in, ignore_errors=True)
-    return open_study(folder), sum(durations[name] for one in taken for name in one.files)
+    return open_study(folder), sum(own[MAIN_STREAM].duration for one in taken for own in one.files.values())
 
 
 def is_changed_by_hand(folder: Path) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,6 +79,7 @@ class ElbowRig(ElbowMachine):
         store: Store = lambda name, streams: streams,
         then: Callable[[Taken], Outcome] = lambda taken: taken,
         threads: int = 1,
+        executor: Executor | None = None,
         on_progress: Tell | None = None,
     ) -> Iterator[Outcome]:
         """Record trials as `Rig.record_all` does, with all noise from one generator.
