@@ -193,8 +193,11 @@ def test_moments_are_judged_on_what_was_held_out(calibrated):
     causal = [rows[f"leg.knee.ridge.causal.r2{tail}"].value for tail in ("", ".rest")]
     assert all(f"R² {r2:.3f} on" in export.text or f"and {r2:.3f} on" in export.text for r2 in causal)
     assert "which runs offline only" in export.text
-    errors = {name: card.held_out_rmse for name, card in found.cards.items() if name in found.live}
+    errors = {name: card.cross_validated_rmse for name, card in found.cards.items() if name in found.live}
     assert f"{min(errors, key=errors.get)}.json" in export.command
+    missed = rows["leg.emg_knee_ridge.unwatched_exchanges"]
+    assert missed.value == len(found.cards["emg_knee_ridge"].watch.alike)
+    assert missed.note
     # A recording with the name of a state is not read as one.
     assert 'on recording "rest"' in found.headline
     assert "judged on" not in " ".join(v.text for v in found.verdicts)

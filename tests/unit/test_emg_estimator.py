@@ -13,7 +13,6 @@ from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.controllers.export.c_folder import check_on_host
 from pellucid.controllers.export.microcontroller import measure, missing_tools
-from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.torque_map import fit_torque_map
 from pellucid.emg.models.emg_estimator import read_estimator_card, write_estimator_card
@@ -229,11 +228,10 @@ def test_raw_emg_is_exported_with_its_filters(cards, tmp_path):
     assert min(live.activations.values()) > 0.0
 
 
-def test_a_card_knows_its_error_on_held_out_recordings(cards, calibrated):
-    maps, judged, _ = calibrated
+def test_a_card_knows_its_error_in_cross_validation(cards, calibrated):
+    maps, *_ = calibrated
     for name, fit in maps.items():
-        error = score(judged.torque, fit.predict(judged)).rmse
-        assert cards[f"emg_knee_{name}"].held_out_rmse == pytest.approx(error)
+        assert cards[f"emg_knee_{name}"].cross_validated_rmse == fit.choice.score.rmse
 
 
 def test_the_readme_names_exchanges_that_are_not_detected(cards, tmp_path):
@@ -255,10 +253,11 @@ def test_a_study_without_a_card_is_told(cards, tmp_path):
     own.accept_stale = True  # the cards are made by hand and have no recordings here
     with pytest.raises(PellucidError, match=r"emg_knee_hill\.json.*use: pellucid calibrate"):
         chosen_card(own)
-    # Without a name, the card that is better on held-out recordings is exported.
+    # Without a name, the card that is better in cross-validation is exported.
     for better in cards:
         for name, card in cards.items():
-            write_estimator_card(tmp_path / f"{name}.json", replace(card, held_out_rmse=1.0 if name == better else 2.0))
+            error = 1.0 if name == better else 2.0
+            write_estimator_card(tmp_path / f"{name}.json", replace(card, cross_validated_rmse=error))
         assert chosen_card(own).name == better
     assert chosen_card(own, controller="ridge").name == "emg_knee_ridge"
     with pytest.raises(PellucidError, match="expected one of hill, ridge"):

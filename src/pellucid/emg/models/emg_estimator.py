@@ -182,8 +182,8 @@ class EmgEstimatorCard:
     before: tuple[tuple[float, ...], ...] = ()  # before, after: Second-order sections of the chain at this rate
     after: tuple[tuple[float, ...], ...] = ()
     watch: EstimatorWatch | None = None  # What its channels are held against; None: they are not watched
-    # RMSE of the torque on held-out recordings, of all joints [N m]; None: not known
-    held_out_rmse: float | None = None
+    # RMSE of the torque in cross-validation within the fitted recordings [N m]; None: not known
+    cross_validated_rmse: float | None = None
     gamma: float = SHORT_RANGE.stiffness
     tendon_strain: float = SHORT_RANGE.tendon_strain
     notes: tuple[str, ...] = ()
@@ -312,8 +312,8 @@ def _require_estimator(card: EmgEstimatorCard) -> None:
             raise ValueError(f"{m.name}: found a surface over other angles, expected {', '.join(card.angles)}")
         for x in m.surface.coefficients:
             require_between(f"{m.name}, surface", x, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
-    if card.held_out_rmse is not None:
-        require_between("held_out_rmse", card.held_out_rmse, 0.0, MAX_CARD_NUMBER)
+    if card.cross_validated_rmse is not None:
+        require_between("cross_validated_rmse", card.cross_validated_rmse, 0.0, MAX_CARD_NUMBER)
     if card.watch is not None:
         found = (len(card.watch.channels), len(card.watch.angles))
         if found != (len(names), len(card.angles)):
@@ -366,8 +366,12 @@ def unwatched_words(pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def best_estimator(cards: Iterable[EmgEstimatorCard]) -> EmgEstimatorCard | None:
-    """Return the card with the smallest error on held-out recordings, the first of equal ones; None without a card."""
-    return min(cards, key=lambda card: inf if card.held_out_rmse is None else card.held_out_rmse, default=None)
+    """Return the card with the smallest error in cross-validation, the first of equal ones; None without a card.
+
+    Errors on held-out recordings do not choose, because then they would no longer show what the chosen one is worth.
+    """
+    known = ((inf if card.cross_validated_rmse is None else card.cross_validated_rmse, card) for card in cards)
+    return min(known, key=lambda one: one[0], default=(inf, None))[1]
 
 
 ESTIMATOR_FAULTS: tuple[EstimatorFault, ...] = (

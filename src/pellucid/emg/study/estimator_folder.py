@@ -82,7 +82,7 @@ def chosen_card(
     study: Study, *, card: str | None = None, controller: str | None = None, participant: str | None = None,
     allow_outside: bool = False,
 ) -> EmgEstimatorCard:  # fmt: skip
-    """Return the estimator's card by its file name, else the one of the first joint that is best on held-out data."""
+    """Return the card by its file name, else the one of the first joint that is best in cross-validation."""
     if controller is not None and controller not in ESTIMATOR_KINDS:
         raise PellucidError(
             f'export: found the controller "{controller}", expected one of {", ".join(ESTIMATOR_KINDS)}'

@@ -46,7 +46,7 @@ from ..muscle_channels import mains_verdicts, study_chain
 from . import together as across_joints
 from . import torque_findings as findings
 from .emg_torque_table import EmgTorqueTable
-from .estimator_cards import estimator_cards, torque_card, watch_verdicts
+from .estimator_cards import estimator_cards, torque_card, watch_rows, watch_verdicts
 from .relative_envelopes import find_scales, normalisation_words, scale_rows, scale_verdicts
 from .sessions import LIVE_ESTIMATORS, compare_sessions, invalidity_words, session_tables, session_verdicts
 from .study_muscles import ignored_channel_verdicts
@@ -289,6 +289,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         rows=(
             *findings.calibration_rows(study.name, evaluated, trials, found.sessions, chosen, worth),
             *scale_rows(study.name, scales),
+            *watch_rows(study.name, stepped),
             *across_joints.together_rows(study.name, together, found, trials),
             *findings.stiffness_rows(study.name, stiffness, {trial.name: trial.checksum for trial in trials}),
         ),
@@ -377,8 +378,8 @@ def _export_steps(result: CalibrationResult) -> tuple[Step, ...]:
         less = f", less than the required {MIN_TORQUE_R2:g}" if low else ""
         words = named_family(name.rpartition("_")[2]).description
         steps.append(Step(
-            f"Export the causal estimator of {each.what} ({words}): R² {figures}{less}; "
-            f"R² {each.judged[0].score.r2:.3f} belongs to {each.brief}, which runs offline only",
+            f"Export the causal estimator of {each.what} that is best in cross-validation ({words}): R² {figures}"
+            f"{less}; R² {each.judged[0].score.r2:.3f} belongs to {each.brief}, which runs offline only",
             "export", ("--card", f"{name}.json"),
         ))  # fmt: skip
     return tuple(steps[:MAX_IMPROVING_STEPS]) or (PAPER_STEP,)

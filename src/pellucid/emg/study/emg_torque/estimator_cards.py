@@ -5,7 +5,7 @@ The card of a torque map that a robot can run: an offset, and a coefficient for 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from math import nan
@@ -17,6 +17,7 @@ from ....files.recording import Recording
 from ....models.card import CardParameter
 from ....models.estimates import Verdict
 from ....models.parameter_card import ParameterCard
+from ....study.results import ResultRow
 from ....study.study import Study
 from ...estimators.cross_validation import Score, score
 from ...estimators.emg_session import add_channel_watch
@@ -152,11 +153,11 @@ def estimator_cards(
             card = muscle_estimator(study, name, muscles, {joint: trials})
         else:
             card = map_estimator(study, name, fit, trials)
-        left_out = fit.residual_sd if isinstance(fit, HillMap) else fit.choice.score.rmse
+        tested = fit.choice.score
         found.live[name] = _score_live(fit, [t for t in every if t.heldout])
+        left_out = fit.residual_sd if isinstance(fit, HillMap) else tested.rmse
         card = add_channel_watch(card, {joint: trials}, {joint: left_out})
-        errors = [one.rmse for one in found.live[name].values()]
-        cards[name] = replace(card, held_out_rmse=float(np.sqrt(np.mean(np.square(errors))))) if errors else card
+        cards[name] = replace(card, cross_validated_rmse=None if tested is None else float(tested.rmse))
     # With raw EMG, muscles over all joints were fitted to zero-phase envelopes. They then get no card.
     if together is not None and chain == "none":
         fitted = {joint: [t for t in own if not t.heldout] for joint, own in found.across.items()}
@@ -184,6 +185,16 @@ def watch_verdicts(cards: Mapping[str, EmgEstimatorCard]) -> list[Verdict]:
         )
         for where, own in pairs.items()
     ]
+
+
+def watch_rows(study: str, cards: Mapping[str, EmgEstimatorCard]) -> Iterator[ResultRow]:
+    """Yield the number of pairs of channels whose exchange the watch of each estimator would miss."""
+    for name, card in cards.items():
+        if card.watch is not None:
+            said = unwatched_words(card.watch.alike) or "every exchange that costs torque is watched"
+            yield ResultRow(
+                f"{study}.{name}.unwatched_exchanges", len(card.watch.alike), "1", "calibrate", "fitted", None, said
+            )
 
 
 def _score_live(fit: HillMap | TorqueMap, held: Sequence[TorqueTrial]) -> dict[str, Score]:
