@@ -253,8 +253,8 @@ template <class S> struct SinCos {
 
 namespace detail {
 
-/// An angle as quarter turns and what is left: x = n pi/2 + r + rest, |r| <= pi/4.
-template <class S> struct QuarterTurns {
+/// An angle as quarter turns and what is left: x = n pi/2 + r + rest, |r| <= pi/4. `exact`: n and the rest are 0.
+template <class S, bool exact = false> struct QuarterTurns {
   S n;              ///< a whole number
   bits_t<S> turns;  ///< its lowest two bits are those of n
   S r, rest;        ///< [rad]
@@ -274,20 +274,25 @@ template <class S> QuarterTurns<S> quarter_turns(S x, S quarter) noexcept {
 }
 
 /// sin(r + rest).
-template <class S> S sine_of_rest(const QuarterTurns<S>& x) noexcept {
+template <class S, bool exact> S sine_of_rest(const QuarterTurns<S, exact>& x) noexcept {
   const S z = x.r * x.r;
-  return x.r + ((x.r * z) * polynomial(z, Format<value_t<S>>::sin) + x.rest);
+  const S beyond = (x.r * z) * polynomial(z, Format<value_t<S>>::sin);
+  if constexpr (exact) return x.r + beyond;
+  return x.r + (beyond + x.rest);
 }
 /// cos(r + rest).
-template <class S> S cosine_of_rest(const QuarterTurns<S>& x) noexcept {
+template <class S, bool exact> S cosine_of_rest(const QuarterTurns<S, exact>& x) noexcept {
   const S z = x.r * x.r;
   const S half = S(0.5) * z;
   const S top = S(1) - half;
-  return top + (((S(1) - top) - half) + ((z * z) * polynomial(z, Format<value_t<S>>::cos) - x.r * x.rest));
+  const S beyond = (z * z) * polynomial(z, Format<value_t<S>>::cos);
+  if constexpr (exact) return top + (((S(1) - top) - half) + beyond);
+  return top + (((S(1) - top) - half) + (beyond - x.r * x.rest));
 }
 
 /// The sine of x shifted by a number of quarter turns (0: sine, 1: cosine), given sin(r + rest) or cos(r + rest).
-template <class S> S signed_quarter(const QuarterTurns<S>& x, int shift, S magnitude) noexcept {
+template <class S, bool exact>
+S signed_quarter(const QuarterTurns<S, exact>& x, int shift, S magnitude) noexcept {
   using T = value_t<S>;
   using B = bits_t<S>;
   constexpr int to_sign = int(sizeof(T)) * 8 - 2;
@@ -301,7 +306,7 @@ template <class S> S signed_quarter(const QuarterTurns<S>& x, int shift, S magni
 template <class S, class Then> auto with_quarter_turns(S x, Then then) noexcept {
   using F = Format<value_t<S>>;
   if constexpr (std::is_same<S, double>::value) {
-    if (x > -0.785 && x < 0.785) return then(quarter_turns(x, F::rounder));
+    if (x > -0.785 && x < 0.785) return then(QuarterTurns<S, true>{0.0, 0, x, 0.0});
     if (x > 0.786 && x < 2.356) return then(quarter_turns(x, F::rounder + 1.0));
     if (x < -0.786 && x > -2.356) return then(quarter_turns(x, F::rounder - 1.0));
   }
@@ -310,7 +315,7 @@ template <class S, class Then> auto with_quarter_turns(S x, Then then) noexcept 
 
 /// sin (shift 0) or cos (shift 1) alone: one double computes one of the two polynomials.
 template <class S> S sine_shifted(S x, int shift) noexcept {
-  return with_quarter_turns(x, [shift](const QuarterTurns<S>& at) noexcept {
+  return with_quarter_turns(x, [shift](const auto& at) noexcept {
     const bits_t<S> turns = at.turns + bits_t<S>(static_cast<bits_t<value_t<S>>>(shift));
     const mask_t<S> swapped = (turns & bits_t<S>(1)) != bits_t<S>(0);
     if constexpr (std::is_same<S, double>::value)
@@ -325,7 +330,7 @@ template <class S> S sine_shifted(S x, int shift) noexcept {
 /// sin x and cos x, x [rad]. Error below 1.1 ulp while |x| < 4.2e8 (double) or 1.2e4 (float); NaN beyond, where one
 /// unit in the last place of x is already a visible angle, and for infinities.
 template <class S, if_real<S> = 0> SinCos<S> sincos(S x) noexcept {
-  return detail::with_quarter_turns(x, [](const detail::QuarterTurns<S>& at) noexcept {
+  return detail::with_quarter_turns(x, [](const auto& at) noexcept {
     const S sine = detail::sine_of_rest(at), cosine = detail::cosine_of_rest(at);
     const mask_t<S> odd = (at.turns & bits_t<S>(1)) != bits_t<S>(0);
     return SinCos<S>{detail::signed_quarter(at, 0, select(odd, cosine, sine)),
