@@ -193,6 +193,13 @@ def test_moments_are_judged_on_what_was_held_out(calibrated):
     causal = [rows[f"leg.knee.ridge.causal.r2{tail}"].value for tail in ("", ".rest")]
     assert all(f"R² {r2:.3f} on" in export.text or f"and {r2:.3f} on" in export.text for r2 in causal)
     assert "which runs offline only" in export.text
+    # Every error is compared with the same one without EMG, that of the answer.
+    (chosen,) = found.chosen
+    alone = {each.recording: each.score for each in chosen.bare}
+    assert f"(angles alone, offline: {alone['judged'].r2:.3f} and {alone['rest'].r2:.3f})" in export.text
+    for where, bare in alone.items():
+        table = next(t for t in found.tables if t.title == f"Torque from EMG: knee, {where}")
+        assert all(ratio == pytest.approx(error / bare.rmse) for _, error, _, ratio, _ in table.rows)
     errors = {name: card.cross_validated_rmse for name, card in found.cards.items() if name in found.live}
     assert f"{min(errors, key=errors.get)}.json" in export.command
     missed = rows["leg.emg_knee_ridge.unwatched_exchanges"]

@@ -269,7 +269,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         tables=(
             *findings.worth_tables(worth),
             *_chosen_tables(chosen, found.refused),
-            *_error_tables(evaluated),
+            *_error_tables(evaluated, chosen),
             *_repair_tables(evaluated),
             *_condition_test_tables(evaluated),
             *session_tables(found.sessions),
@@ -374,6 +374,9 @@ def _export_steps(result: CalibrationResult) -> tuple[Step, ...]:
             continue
         name, scores = best.name, result.live[best.name]
         figures = " and ".join(f"{s.r2:.3f} on {recording_words(where)}" for where, s in scores.items())
+        alone = {e.recording: f"{e.score.r2:.3f}" for e in each.bare}
+        if set(scores) <= set(alone):
+            figures += f" (angles alone, offline: {' and '.join(alone[where] for where in scores)})"
         low = min(s.r2 for s in scores.values()) < MIN_TORQUE_R2
         less = f", less than the required {MIN_TORQUE_R2:g}" if low else ""
         words = named_family(name.rpartition("_")[2]).description
@@ -606,16 +609,20 @@ def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings
     return found
 
 
-def _error_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable, ...]:
+def _error_tables(
+    evaluated: Sequence[EstimatorEvaluation], chosen: Sequence[RecommendedEstimator]
+) -> tuple[FigureTable, ...]:
     """Return a table of errors for each joint or person and each recording, angles alone first.
 
-    Estimators that see the measured torque are in tables of their own, after the others.
+    Estimators that see the measured torque are in tables of their own, after the others. Errors are compared with that
+    of the best estimator without EMG, as the answer compares them.
     """
+    alone = {(each.what, e.recording): e.score.rmse for each in chosen for e in each.bare}
     titles = {False: "Torque from EMG", True: "Torque from EMG and the measured torque (not comparable)"}
     made: dict[bool, list[FigureTable]] = {told: [] for told in titles}
     for what, recording in dict.fromkeys((each.what, each.recording) for each in evaluated):
         own = [each for each in evaluated if (each.what, each.recording) == (what, recording)]
-        bare = next((e.score.rmse for e in own if e.estimator == BASELINE_ESTIMATOR), None)
+        bare = alone.get((what, recording))
         own.sort(key=lambda e: e.estimator != BASELINE_ESTIMATOR)
         where = recording.replace("_", " ") or "cross-validation"
         for told, title in titles.items():
