@@ -167,6 +167,26 @@ def read_results(path: Path = RESULTS_FILE) -> Results:
     )
 
 
+DRIVE_FAULT_WORDS = {
+    "drive_reversed": "reversed polarity",
+    "drive_triple": "three times the effort",
+    "drive_stuck": "effort stuck at a value",
+    "drive_dead": "no effort",
+    "drive_triple_unseen": "three times the effort, with a current sensor that reads a third",
+}
+"""Faults of a drive in the words of an export, which quotes what became of them."""
+
+
+def quoted_figures(results: Results, robot: str, faults: Sequence[str] = WORST_DRIVE_FAULTS) -> tuple[str, ...]:
+    """Return detection rate and largest excess energy of some faults of a drive, as an export quotes them."""
+    own = {fault.fault: fault for fault in results.of(robot)}
+    return tuple(
+        f"{DRIVE_FAULT_WORDS[name]}: detected in {own[name].detected} of {own[name].effective} runs, "
+        f"up to {own[name].excess:.2g} J"
+        for name in faults
+    )
+
+
 def rate_words(detected: int, runs: int) -> str:
     """Return a detection rate with its exact confidence interval (Clopper and Pearson 1934)."""
     if not runs:

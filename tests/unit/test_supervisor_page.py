@@ -2,8 +2,16 @@
 
 import pytest
 from research.evidence import _supervisor_page as page
-from research.evidence._supervisor_page import FaultFigure, Results, fault_figures, read_results, write_results
+from research.evidence._supervisor_page import (
+    FaultFigure,
+    Results,
+    fault_figures,
+    quoted_figures,
+    read_results,
+    write_results,
+)
 
+from pellucid.controllers import supervisor_faults
 from pellucid.study.results import ResultRow
 from pellucid_lab.safety.fault_table import FAULT_KINDS, FaultTrial
 
@@ -106,3 +114,11 @@ def test_certain_faults_of_the_elbow_are_always_detected_in_time():
     shown = [fault for fault in MEASURED.of("lab_elbow") if not fault.hidden and fault.fault not in UNCERTAIN]
     assert [fault.fault for fault in shown if fault.detected < fault.runs] == []
     assert [fault.fault for fault in shown if fault.latest > ELBOW_LATEST_S] == []
+
+
+def test_exports_quote_the_stored_results():
+    results = read_results()
+    assert quoted_figures(results, "blind") == supervisor_faults.UNMEASURED_FAULTS
+    assert quoted_figures(results, "unmeasured") == supervisor_faults.PROBED_FAULTS
+    assert quoted_figures(results, "drive_measured") == supervisor_faults.MEASURED_FAULTS
+    assert quoted_figures(results, "drive_measured", ("drive_triple_unseen",)) == supervisor_faults.UNSEEN_FAULTS
