@@ -33,3 +33,10 @@ def test_a_limit_of_zero_in_many_rows_ends_the_search():
 
 def test_nothing_is_found_of_no_unknowns():
     assert largest_within(np.zeros(0), np.zeros((4, 0)), np.ones(4), np.zeros(0)).shape == (0,)
+
+
+def test_rows_that_cannot_bind_do_not_overflow():
+    """Rows of zeros with limits above 4 were divided by the smallest number."""
+    rows = np.vstack([np.zeros(2), [1e-310, 0.0], [1.0, 1.0]])
+    x = largest_within(np.array([1.0, 2.0]), rows, np.array([50.0, 9.0, 1.5]), np.ones(2))
+    assert x == pytest.approx([0.5, 1.0])

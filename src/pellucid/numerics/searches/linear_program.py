@@ -17,9 +17,12 @@ def largest_within(gain: np.ndarray, rows: np.ndarray, limits: np.ndarray, highe
     free = np.flatnonzero(highest > 0.0)
     scale, count = highest[free], len(free)
     # Unknowns are shares of their highest values; the identity bounds them by 1.
-    table = np.vstack([rows[:, free] * scale, np.eye(count)])
+    table = rows[:, free] * scale
+    # Other rows bind nowhere within the bounds, and their quotients may overflow.
+    binds = np.maximum(table, 0.0).sum(axis=1) > limits
+    table = np.vstack([table[binds], np.eye(count)])
     sizes = np.maximum(np.abs(table).max(axis=1, initial=0.0), np.finfo(float).tiny)
-    table, room = table / sizes[:, None], np.concatenate([limits, np.ones(count)]) / sizes
+    table, room = table / sizes[:, None], np.concatenate([limits[binds], np.ones(count)]) / sizes
     reduced = gain[free] * scale
     least = PIVOT_TOLERANCE * np.abs(reduced).max(initial=0.0)
     outside, inside = np.arange(count), count + np.arange(len(table))
