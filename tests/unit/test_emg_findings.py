@@ -285,3 +285,38 @@ def test_a_maximum_that_a_converter_rounded_is_still_its_own():
     stored = np.round(envelope / envelope.max(axis=0) / step) * step
     assert not (stored == 1.0).any()
     assert {kind for _, kind in kinds(stored, unit="1")} == {"normalised_per_trial"}
+
+
+def walked_envelopes(rate=100.0, seconds=40.0):
+    """Return relative envelopes of two muscles, (n, 2), which a zero-phase filter lets fall slightly below 0."""
+    t = np.arange(round(rate * seconds)) / rate
+    rng = np.random.default_rng(4)
+    strides = [np.exp(-((((t + at) % 1.1 - 0.5) / 0.1) ** 2)) for at in (0.0, 0.4)]
+    return 0.5 * np.column_stack(strides) + 2e-3 * rng.standard_normal((len(t), 2))
+
+
+@pytest.mark.parametrize("unit", ["1", "%", ""])
+def test_an_envelope_that_is_held_is_a_dropout_in_every_unit(unit):
+    """Of relative envelopes a silent channel had no finding, and `check` called the recording sound."""
+    emg = walked_envelopes()
+    assert [kind for _, kind in kinds(emg, 100.0, unit=unit)] == []
+    emg[500:1500, 1] = 0.0
+    (one,) = [one for one in pl.emg_quality(emg, rate=100.0, unit=unit) if one.kind != "envelope"]
+    assert (one.channel, one.kind, one.start, one.end, one.found) == (1, "dropout", 5.0, 15.0, "10000 ms held at 0")
+
+
+def test_an_envelope_that_rests_again_and_again_is_no_dropout():
+    t = np.arange(4000) / 100.0
+    emg = np.maximum(np.sin(2.0 * np.pi * t / 5.0), 0.0) * 0.9
+    assert kinds(emg, 100.0, unit="1") == []
+    assert kinds(np.full(400, 0.4), 100.0, unit="1") == []
+
+
+def test_a_share_of_the_power_is_at_most_the_whole():
+    """A band-pass passed more than the high-pass with which it was compared: 106 % of the power."""
+    t = np.arange(1500) / 100.0
+    emg = 0.02 * np.exp(-(((t % 1.1 - 0.5) / 0.1) ** 2)) - 2e-3
+    emg[500:] = 0.0
+    shares = [float(one.found.split()[0]) for one in pl.emg_quality(emg, rate=100.0, unit="") if one.kind == "motion"]
+    assert shares
+    assert max(shares) <= 100.0

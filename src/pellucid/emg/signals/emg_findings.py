@@ -58,6 +58,12 @@ class FindingThresholds:
     # Probability of so long a run anywhere in a recording, by the share of equal neighbours elsewhere
     max_run_chance: float = 1e-6
     short_run_s: float = 0.01  # Runs up to this long tell the share of equal neighbours
+    # An envelope may rest at one value. It is held there if it does so for this long [s], and for this many times as
+    # long as in every other stretch. With more such stretches than this, the muscle rests by itself. Chosen by
+    # judgement; a walker's recorded envelopes repeat a value at most twice.
+    min_held_envelope_s: float = 1.0
+    min_held_envelope_ratio: float = 5.0
+    max_held_envelope_count: int = 3
     min_rms_v: float = 0.3e-6  # Smaller RMS: not even an amplifier's noise
     min_relative_rms: float = 2e-3  # The same as a share of the other channels' median RMS, where no unit is known
     min_saturated_run: int = 3  # Samples in a row at the largest value
@@ -395,7 +401,10 @@ def envelope_words(x: np.ndarray, rate: float) -> str:
 
 def is_envelope(x: np.ndarray, rate: float) -> bool:
     """Return whether a channel, (n,), is an envelope or rectified, and no raw EMG with an offset."""
-    known = x[np.isfinite(x)]
+    is_known = np.isfinite(x)
+    for part in _held_envelope_stretches(x, rate):
+        is_known[part] = False
+    known = x[is_known]
     if len(known) < 2.0 * rate or rate < 100.0:
         return False
     if known.min() >= 0.0 and known.min() < 0.2 * known.mean():
@@ -410,17 +419,37 @@ def is_envelope(x: np.ndarray, rate: float) -> bool:
 def dropouts(x: np.ndarray, rate: float, *, is_envelope: bool = False) -> list[slice]:
     """Return stretches of a channel, (n,), that are missing, or held for longer than the converter's steps explain."""
     missing = [r for r in runs(~np.isfinite(x)) if r.stop - r.start >= 1]
-    same = np.concatenate([[False], x[1:] == x[:-1]])
-    held = [slice(r.start - 1, r.stop) for r in runs(same)]
+    if is_envelope:
+        return sorted([*missing, *_held_envelope_stretches(x, rate)], key=lambda r: r.start)
+    held = _held_stretches(x)
     short = round(FINDING_LIMITS.short_run_s * rate)
     long_samples = sum(r.stop - r.start for r in held if r.stop - r.start > short)
     pairs = sum(r.stop - r.start - 1 for r in held if r.stop - r.start <= short)
     chance = min(max((pairs + 1.0) / max(len(x) - long_samples, 2), 1e-3), 0.999)
     needed = np.log(FINDING_LIMITS.max_run_chance / max(len(x), 2)) / np.log(chance)
     least = max(FINDING_LIMITS.min_dropout_s * rate, needed, 3.0)
-    # An envelope may rest at 0, and its filter may let it stay on one value.
-    kept = [] if is_envelope else [r for r in held if r.stop - r.start >= least]
+    kept = [r for r in held if r.stop - r.start >= least]
     return sorted([*missing, *kept], key=lambda r: r.start)
+
+
+def _held_stretches(x: np.ndarray) -> list[slice]:
+    """Return the stretches of a channel, (n,), in which a value repeats."""
+    return [slice(r.start - 1, r.stop) for r in runs(np.concatenate([[False], x[1:] == x[:-1]]))]
+
+
+def _held_envelope_stretches(x: np.ndarray, rate: float) -> list[slice]:
+    """Return the stretches in which an envelope, (n,), is held; [] of a channel that is constant or often at rest."""
+    longest = sorted(_held_stretches(x), key=lambda r: r.start - r.stop)
+    lengths = [*(r.stop - r.start for r in longest), 1]
+    if lengths[0] == len(x):
+        return []
+    count = 0
+    for i in range(min(len(longest), FINDING_LIMITS.max_held_envelope_count)):
+        if lengths[i] < FINDING_LIMITS.min_held_envelope_s * rate:
+            break
+        if lengths[i] >= FINDING_LIMITS.min_held_envelope_ratio * lengths[i + 1]:
+            count = i + 1
+    return longest[:count]
 
 
 def mains_rms(x: np.ndarray, rate: float) -> tuple[float, float]:
@@ -466,7 +495,9 @@ def _slow_findings(name: int | str, x: np.ndarray, rate: float, unit: str, scale
     if rms**2 > FINDING_LIMITS.max_motion_share * whole**2 and rms > FINDING_LIMITS.min_motion_v * scale:
         strong = np.flatnonzero(np.abs(band) > 2.0 * rms)
         first, last = (float(strong[0] / rate), float((strong[-1] + 1) / rate)) if len(strong) else (0.0, len(x) / rate)
-        said = f"{100.0 * rms**2 / whole**2:.0f} % of the power lies below {high:g} Hz ({size_text(rms, unit)} RMS)"
+        # Beside its lower edge a band-pass passes more than the high-pass does.
+        share = min(rms**2 / whole**2, 1.0)
+        said = f"{100.0 * share:.0f} % of the power lies below {high:g} Hz ({size_text(rms, unit)} RMS)"
         return [EmgFinding(name, "motion", first, last, rms, CONSEQUENCES["motion"], said)]
     return _single_movements(name, band, above - band, rate, unit, scale)
 
