@@ -587,3 +587,25 @@ def test_what_was_found_is_kept_until_something_changes(tmp_path, quick):
     assert Result.kept(open_study(tmp_path), procedure) is None
     study.kept_path("emg_torque").write_text("{}", encoding="utf-8")
     assert Result.kept(study, procedure) is None
+
+
+def test_a_map_of_more_angles_than_a_live_estimator_has_room_for_is_reported_without_a_card(tmp_path, quick):
+    """Calibration ended after minutes with "no estimator that can be stepped", and nothing was reported."""
+    study = leg(tmp_path / "leg")
+    path, t = study.folder / "recordings" / "angles.csv", np.arange(1200) / 100.0
+    hip, knee = np.loadtxt(path, delimiter=",", skiprows=1).T[1:]
+    more = {f"toe_{i}": 20.0 * np.sin((1.0 + 0.2 * i) * t) for i in range(15)}
+    moments = study.folder / "recordings" / "moments.csv"
+    moment = np.loadtxt(moments, delimiter=",", skiprows=1).T[1]
+    table(path, time=t, hip=hip, knee=knee, **more)
+    table(moments, time=t, moment=moment + sum(2.0 * np.radians(x) for x in more.values()))
+    text = (study.folder / "study.toml").read_text()
+    lines = "".join(f'angle.{name} = {{ column = "{name}", unit = "deg" }}\n' for name in more)
+    (study.folder / "study.toml").write_text(text.replace("[streams.emg.channels]", f"{lines}[streams.emg.channels]"))
+    found = calibrate(open_study(study.folder))
+    assert not [name for name in found.cards if name.startswith("emg_")]
+    assert {each.estimator for each in found.evaluated} >= {"ridge", "tree"}
+    (one,) = [v for v in found.verdicts if v.finding == "inputs_beyond_live"]
+    assert "emg_knee_ridge" in one.text
+    assert "expected 1 to 16; found 2 EMG channels and 17 angles" in one.text
+    assert "Delete the channels angle.<joint>" in one.said

@@ -630,11 +630,11 @@ def add_channel_watch(
     Returns
     -------
     EmgEstimatorCard
-        The card itself if there are too few samples, or a torque that does not change.
+        The card itself if there are too few samples, a torque that does not change, or more inputs than the core steps.
     """
     first = list(next(iter(trials.values())))
     names = [channel.name for channel in card.channels]
-    if sum(map(len, first)) < WATCH_TIMES.min_samples or not names:
+    if sum(map(len, first)) < WATCH_TIMES.min_samples or not names or card.misfit:
         return card
     x = [np.column_stack([t.envelopes[name] for name in names]) for t in first]
     moved = [_motion(t, card.angles, causal=True) for t in first]

@@ -256,6 +256,15 @@ class EmgEstimatorCard:
             "common": (self.watch.common_low, self.watch.common_high),
         }
 
+    @property
+    def misfit(self) -> str:
+        """Why the core cannot step the estimator; "" if it can."""
+        try:
+            _core.EmgEstimator(**self.arrays())
+        except ValueError as error:
+            return str(error)
+        return ""
+
     def build(
         self, period: float | None = None, *, single: bool = False
     ) -> _core.EmgEstimator | _core.EmgEstimatorFloat:

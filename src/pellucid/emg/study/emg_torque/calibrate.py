@@ -46,7 +46,7 @@ from ..muscle_channels import mains_verdicts, study_chain
 from . import together as across_joints
 from . import torque_findings as findings
 from .emg_torque_table import EmgTorqueTable
-from .estimator_cards import estimator_cards, torque_card, watch_rows, watch_verdicts
+from .estimator_cards import estimator_cards, misfit_verdicts, torque_card, watch_rows, watch_verdicts
 from .relative_envelopes import find_scales, normalisation_words, scale_rows, scale_verdicts
 from .sessions import LIVE_ESTIMATORS, compare_sessions, invalidity_words, session_tables, session_verdicts
 from .study_muscles import ignored_channel_verdicts
@@ -281,6 +281,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
             *calibration_verdicts(study, evaluated, trials, chosen),
             *scale_verdicts(scales),
             *watch_verdicts(stepped),
+            *misfit_verdicts(found),
             *geometry_verdicts(study),
             *findings.calibrated_muscle_verdicts(found),
             *across_joints.together_verdicts(together, found),

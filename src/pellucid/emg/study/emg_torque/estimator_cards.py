@@ -153,6 +153,9 @@ def estimator_cards(
             card = muscle_estimator(study, name, muscles, {joint: trials})
         else:
             card = map_estimator(study, name, fit, trials)
+        if card.misfit:
+            found.without_card[name] = _misfit_words(card)
+            continue
         tested = fit.choice.score
         found.live[name] = _score_live(fit, [t for t in every if t.heldout])
         left_out = fit.residual_sd if isinstance(fit, HillMap) else tested.rmse
@@ -164,8 +167,33 @@ def estimator_cards(
         name = "emg_together_hill"
         card = muscle_estimator(study, name, together.fit.card_content(), fitted, ACROSS_JOINTS_NOTES)
         left_out = {joint: found.rmse for joint, found in together.fit.choice.scores.items()}
-        cards[name] = add_channel_watch(card, fitted, left_out)
+        if card.misfit:
+            found.without_card[name] = _misfit_words(card)
+        else:
+            cards[name] = add_channel_watch(card, fitted, left_out)
     return cards
+
+
+def _misfit_words(card: EmgEstimatorCard) -> str:
+    """Return why a card cannot be stepped, and the size of its inputs."""
+    return f"{card.misfit}; found {len(card.channels)} EMG channels and {len(card.angles)} angles"
+
+
+def misfit_verdicts(found: CalibrationFindings) -> list[Verdict]:
+    """Return a warning that names the estimators without a card; none if each has one."""
+    if not found.without_card:
+        return []
+    reasons = "; ".join(dict.fromkeys(found.without_card.values()))
+    return [
+        Verdict(
+            "warning",
+            f"No model card of {', '.join(found.without_card)} was written, because a live estimator has room for "
+            f"fewer inputs ({reasons}).",
+            "Delete the channels angle.<joint> and emg.<muscle> that the joint does not need from study.toml, then "
+            "calibrate again.",
+            finding="inputs_beyond_live",
+        )
+    ]
 
 
 def watch_verdicts(cards: Mapping[str, EmgEstimatorCard]) -> list[Verdict]:

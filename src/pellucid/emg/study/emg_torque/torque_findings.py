@@ -416,6 +416,7 @@ class CalibrationFindings:
     causal: dict = field(default_factory=dict)  # Causal maps that can run live, by joint and estimator
     # Scores of the causal maps that have a card, by the card's name and by held-out recording
     live: dict[str, dict[str, Score]] = field(default_factory=dict)
+    without_card: dict[str, str] = field(default_factory=dict)  # Why causal maps have no card, by the card's name
     muscles: dict[str, HillMap] = field(default_factory=dict)  # Muscles fitted to all fitted trials, by joint or person
     shown: dict[str, TorqueTrial] = field(default_factory=dict)  # Trial with which these muscles are drawn
     stiffness_trials: dict[str, TorqueTrial] = field(default_factory=dict)  # Fitted trial of each stiffness
