@@ -363,3 +363,39 @@ def test_a_file_with_two_rates_gives_a_table_for_each(tmp_path):
     made = pl.init(tmp_path / "study", files=[tmp_path / "two.c3d"])
     assert {r.column for r in made.proposal.main.channels} >= {"position", "torque"}
     assert made.proposal.rate == pytest.approx(1000.0)
+
+
+def storage(path, degrees, **columns):
+    """Write a file as OpenSim stores it, whose header states the unit of angles."""
+    head = f"made\nversion=1\nnRows={len(T)}\nnColumns={1 + len(columns)}\ninDegrees={degrees}\nendheader\n"
+    rows = np.column_stack([T, *columns.values()])
+    body = "\n".join("\t".join(f"{x:.6f}" for x in row) for row in rows)
+    path.write_text(head + "\t".join(("time", *columns)) + "\n" + body + "\n")
+    return path
+
+
+def test_joints_of_the_side_without_emg_and_the_tension_in_extension_are_not_proposed(tmp_path):
+    """An estimator of the right leg got seventeen angles, and the trunk's extension was a force in newtons."""
+    names = ("hip_flexion_r", "knee_angle_r", "hip_flexion_l", "knee_angle_l", "lumbar_extension", "lumbar_bending")
+    rng = np.random.default_rng(6)
+    moved = {name: 20.0 * np.sin((3.0 + k) * T) + 0.01 * rng.standard_normal(len(T)) for k, name in enumerate(names)}
+    turned = {f"{name}_moment": 0.3 * x for name, x in moved.items()}
+    muscles = ("soleus_r", "vas_lat_r", "bifemlh_r")
+    pulled = {name: np.abs(np.sin((2.0 + k) * T)) * 0.4 for k, name in enumerate(muscles)}
+    files = [
+        storage(tmp_path / "ik.sto", "yes", **moved), storage(tmp_path / "id.sto", "no", **turned),
+        storage(tmp_path / "emgFilt.sto", "no", **pulled),
+    ]  # fmt: skip
+    proposal = propose_study(read_given(files), "s")
+    roles = [r for layout in proposal.layouts for r in layout.channels]
+    assert {r.label for r in roles if r.quantity == "angle"} == {
+        "hip_flexion_r", "knee_r", "lumbar_extension", "lumbar_bending",
+    }  # fmt: skip
+    assert {r.unit for r in roles if r.quantity == "angle"} == {"deg"}
+    assert not [r for r in roles if r.label.endswith("_l") or r.quantity == "force"]
+    assert any("2 angles and moments of the left side are excluded" in text for text in proposal.remarks)
+
+
+def test_a_direction_of_a_joint_names_no_tension():
+    assert read_name("lumbar_extension").quantity is None
+    assert read_name("cabletension").quantity == "force"

@@ -180,7 +180,7 @@ def find_muscle(words: Sequence[str], *, is_emg: bool = False) -> MuscleLabel | 
     >>> find_muscle(["biceps", "fem"]).name
     'biceps_femoris'
     """
-    side = _side(words)
+    side = side_of_words(words)
     named = [w for w in words if not w.isdigit() and not (side and w in SIDE_WORDS[side])]
     # "rect" shortens rectified, and rectus too.
     with_rect = [w for w in named if w == "rect" or w not in _FILLERS]
@@ -250,8 +250,8 @@ def _of_cut_name(joined: str) -> str | None:
     return found[0] if len(found) == 1 else None
 
 
-def _side(words: Sequence[str]) -> str:
-    """Return the side that a word of a label says; "" if none does."""
+def side_of_words(words: Sequence[str]) -> str:
+    """Return the side of a body that a word of a label says; "" if none does."""
     return next((side for side, known in SIDE_WORDS.items() if set(known) & set(words)), "")
 
 

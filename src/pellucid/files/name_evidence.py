@@ -119,6 +119,9 @@ JOINT_WORDS = (
 HUMAN_JOINT_SUFFIXES = ("flexion", "extension", "abduction", "adduction", "rotation", "bending", "tilt", "flex_ext")
 """Words that name a direction of a person's joint, not one of a robot's."""
 
+_DIRECTIONS_ONLY = frozenset(HUMAN_JOINT_SUFFIXES) - QUANTITY_WORDS["position"]
+"""Directions that say no quantity."""
+
 _REMARK_WORDS = frozenset({
     "left", "right", "l", "r", "x", "y", "z", "w", "raw", "filtered", "filt", "filter", "lowpass", "smoothed", "mean",
     "rms", "abs", "max", "min", "avg", "average", "motor", "joint", "link", "output", "input", "side", "id", "ch",
@@ -383,7 +386,9 @@ def _quantity_of_words(words: list[str], joined: str, *, has_muscle: bool) -> st
         for quantity in order:
             if any((len(word) >= 3) == long_words and word in QUANTITY_WORDS[quantity] for word in told):
                 return quantity
-    # A word may stand within another, as in "eposposition".
+    # A word may stand within another, as in "eposposition", but "extension" names a direction and no tension.
+    for direction in _DIRECTIONS_ONLY:
+        joined = joined.replace(direction, " ")
     for quantity in order:
         if any(len(word) >= 4 and word in joined for word in QUANTITY_WORDS[quantity]):
             return quantity

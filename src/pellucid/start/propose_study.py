@@ -17,6 +17,7 @@ from .._errors import StudyError, listed_names
 from ..files.clock import first_deliveries
 from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
 from ..files.file_facts import FileFact, find_drive_facts, find_encoder_counts, find_rate
+from ..files.muscle_names import side_of_words
 from ..files.name_evidence import (
     MACHINE_WORDS,
     NameEvidence,
@@ -150,6 +151,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     if about_muscles:
         layouts = [_of_muscles(layout, remarks) for layout in layouts]
     layouts, doubtful = with_settled_muscles(layouts)
+    layouts = _without_other_side(layouts, remarks)
     main = max(layouts, key=_merit)
     person = about_muscles or _is_person(main, layouts)
     others = [layout for layout in layouts if layout is not main]
@@ -765,6 +767,36 @@ def _of_muscles(layout: Layout, remarks: list[str]) -> Layout:
         return replace(role, quantity="angle", label=label)
 
     return layout.with_each(of_person)
+
+
+def _side_of(role: ColumnRole) -> str:
+    """Return the side of a body that a role's label says; "" if it says none."""
+    return side_of_words(role.label.split("_"))
+
+
+def _without_other_side(layouts: Sequence[Layout], remarks: list[str]) -> list[Layout]:
+    """Return layouts without the angles and moments of the side of a person of which no EMG was recorded."""
+    sides: dict[str, set[str]] = {"emg": set(), "angle": set(), "moment": set()}
+    for role in (role for layout in layouts for role in layout.channels if role.quantity in sides):
+        sides[str(role.quantity)].add(_side_of(role))
+    own = "".join(sides["emg"]) if len(sides["emg"]) == 1 else ""
+    if not own or own not in sides["angle"] | sides["moment"]:
+        return list(layouts)
+    other = "left" if own == "right" else "right"
+    why = f"of the {other} side; EMG is of the {own} side only"
+
+    def kept(role: ColumnRole) -> ColumnRole:
+        is_other = role.quantity in ("angle", "moment") and _side_of(role) == other
+        return replace(role, quantity=None, label="", why=why) if is_other else role
+
+    made = [layout.with_each(kept) for layout in layouts]
+    remarks += [
+        f"{before.tables[0].path.name}: {count} angles and moments of the {other} side are excluded, because EMG is of "
+        f"the {own} side only"
+        for before, after in zip(layouts, made, strict=True)
+        if (count := len(before.channels) - len(after.channels))
+    ]
+    return made
 
 
 def _is_inertial(layout: Layout) -> bool:
