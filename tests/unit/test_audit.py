@@ -521,3 +521,18 @@ def test_the_audit_of_emg_counts_the_files_that_have_emg(tmp_path):
     found = audit_emg([written(tmp_path, log, "emg.csv"), written(tmp_path, without, "motion.csv")])
     assert [file.name for file in found.files] == ["emg.csv"]
     assert found.answer.basis.sentence == f"Based on 1 file, {COUNT:,} rows, measured or simulated (not stated)."
+
+
+def test_a_channel_is_shown_in_the_unit_that_its_file_states():
+    """An angle in degrees was listed as "position [rad]"."""
+    found = quantity_of("knee_angle [deg]")
+    assert (found.unit, found.stated) == ("rad", "deg")
+    assert quantity_of("emg_soleus").stated == ""
+
+
+def test_the_table_of_an_audit_has_the_files_units(tmp_path):
+    columns = clean_log()
+    columns["angle [deg]"] = np.degrees(columns.pop("angle [rad]"))
+    held = {v.channel: v.holds for v in pl.audit(written(tmp_path, columns)).verdicts}
+    assert held["angle [deg]"] == "position [deg]"
+    assert held["torque_meas [N*m]"] == "torque, measured [N·m]"

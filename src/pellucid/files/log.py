@@ -126,10 +126,10 @@ VERDICT_WORDS = {
     limited.KIND: "saturated",
     "clipped": "clipped",
     "unit": "in another unit",
+    "dropout": "dropouts",
     "envelope": "envelope, not raw EMG",
     "exchanged": "exchanged",
     "saturation": "clipped",
-    "dropout": "dropouts",
     "normalised_per_trial": "normalised per trial",
     "motion": "motion artefacts",
     "heartbeat": "heartbeat",
@@ -779,8 +779,7 @@ def _told_from_clipping(
             alike = [q for q in positions if len(q) == len(own.samples)]
             ends = sensor_range.sensor_ends(own.samples, alike, rate) if alike else ()
             if ends:
-                unit = own.quantity.unit
-                said = "; ".join(f"{end.samples} rows {sensor_range.describe_end(end, unit)}" for end in ends)
+                said = "; ".join(f"{end.samples} rows {sensor_range.describe_end(end, own.unit)}" for end in ends)
                 finding = replace(finding, kind="clipped", found=f"{said}; {LEFT_OUT_WORDS}", level=REPAIRED_LEVEL)
         told.append(finding)
     return told

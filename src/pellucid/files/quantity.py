@@ -49,12 +49,15 @@ class Quantity:
         SI unit as plain text; ``""`` if it is not stated, or is not known.
     factor : float
         Factor from the file's numbers to SI; 1 without a unit.
+    stated : str
+        Unit as the file states it, as plain text; ``""`` without one.
     """
 
     kind: str
     role: str
     unit: str
     factor: float = 1.0
+    stated: str = ""
 
     @property
     def can_be_measured(self) -> bool:
@@ -77,7 +80,7 @@ def quantity_of(name: str, unit: str = "") -> Quantity:
     text, factor = _si(found.unit)
     roles = {"computed": found.is_computed, "command": found.is_command, "measured": found.is_measured}
     role = next((role for role, is_said in roles.items() if is_said), "")
-    return Quantity(KINDS_OF_SENSORS.get(kind, kind), role, text, factor)
+    return Quantity(KINDS_OF_SENSORS.get(kind, kind), role, text, factor, found.unit or "")
 
 
 def is_setting(name: str) -> bool:

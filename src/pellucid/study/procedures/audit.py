@@ -120,7 +120,7 @@ class ChannelVerdict:
     channel : str
         Name of the column; ``"time"`` stands for the clock that a file lacks.
     holds : str
-        What the channel probably holds, with its unit; "" if neither name nor unit tells.
+        What the channel probably holds, with the unit that the file states; "" if neither name nor unit tells.
     verdict : str
         The gravest thing that was found, such as ``"dead"``; ``"sound"`` if nothing was.
     level : str
@@ -501,7 +501,7 @@ def find_verdicts(files: Sequence[AuditedFile]) -> list[ChannelVerdict]:
         for channel in file.log.channels:
             quantity = channel.quantity
             role = f", {quantity.role}" if quantity.role else ""
-            unit = f" [{unit_text(quantity.unit) or quantity.unit}]" if quantity.unit else ""
+            unit = f" [{unit_text(quantity.stated) or quantity.stated}]" if quantity.stated else ""
             kind = "time" if channel.name == clock else quantity.kind
             holds.setdefault(channel.name, f"{kind}{role}{unit}" if kind else "")
     clocks = {f.log.time or "time" for f in files if f.log}
