@@ -225,7 +225,8 @@ def try_files(
         before, (heads, rows), after = tried_lines(tried)
         for text in before:
             print_line(console, text)
-        print_short_table(console, heads, rows)
+        if rows:
+            print_short_table(console, heads, rows)
         print_lines(console, after, MAX_ASSUMPTION_LINES, "further assumption")
         told = [v for v in tried.verdicts if v.kind in ("wrong", "warning") or is_verbose()]
         worst = [(v.kind, v.said.replace("`", "")) for v in told]

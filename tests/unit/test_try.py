@@ -535,3 +535,15 @@ def test_the_example_log_is_every_tenth_row_of_the_virtual_bench(tmp_path):
         columns = (made["time"], np.degrees(made["position"]), 28.0 * 0.060 * made["current"])
         for own, whole in zip(log.values.values(), columns, strict=True):
             assert own == pytest.approx(whole[::10], abs=0.02 * np.abs(whole).max())
+
+
+def test_a_log_without_parameters_prints_no_empty_table(tmp_path):
+    t = np.arange(2000) / 100.0
+    rng = np.random.default_rng(2)
+    rise = [np.abs(np.sin((2.0 + 0.4 * (k % 2)) * t + k)) * 0.5 + 0.02 * rng.random(len(t)) for k in range(4)]
+    heads = ["time [s]", "emg_soleus", "emg_vastus_lateralis", "emg_rectus_femoris", "emg_biceps_femoris_long"]
+    path = tmp_path / "envelopes.csv"
+    np.savetxt(path, np.column_stack([t, *rise]), delimiter=",", header=",".join(heads), comments="", fmt="%.6f")
+    done = run(path, "--out", tmp_path / "out")
+    assert "synergies" in done.output
+    assert "Parameter" not in done.output
