@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
+from pellucid.files.defects.magnitude import find_implausible
+from pellucid.files.recording import Channel
 from pellucid.study.quality import inspect, require_sound
 
 
@@ -297,3 +299,11 @@ def test_every_fault_is_told_at_once(make_study):
     with pytest.raises(RecordingError) as error:
         require_sound(study.recording("sweep"), study)
     assert len(str(error.value).splitlines()) == 2
+
+
+def test_an_envelope_relative_to_a_maximum_is_in_no_millivolts():
+    """A study of a joint called it "a magnitude of 0.2 1, which looks like mV taken for 1"."""
+    x = np.linspace(0.0, 0.4, 200)
+    assert find_implausible(Channel("emg.biceps", x, "1", 0)) is None
+    assert find_implausible(Channel("emg.biceps", x, "V", 0)).probable_unit == "mV"
+    assert [Channel("duty", x, unit, 0).unit_words for unit in ("1", "%")] == ["", " %"]

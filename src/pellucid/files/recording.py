@@ -70,6 +70,11 @@ class Channel:
     def __len__(self) -> int:
         return len(self.samples)
 
+    @property
+    def unit_words(self) -> str:
+        """Unit for a sentence, with a blank before it; "" without a dimension."""
+        return "" if self.unit in ("", "1") else f" {self.unit}"
+
     def within(self, span: slice) -> Channel:
         """Return the channel with only the samples in a `span`."""
         return replace(self, samples=self.samples[span])

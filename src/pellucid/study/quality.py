@@ -105,7 +105,7 @@ def sensor_range_faults(recording: Recording, study: Study) -> list[Fault]:
     for drive, end in sensor_range.find_sensor_ends(replace(watched, recording=replace(recording, cuts=others))):
         share = 100.0 * end.samples / len(recording)
         found = f"{end.samples} samples ({share:.2g} %) "
-        found += sensor_range.describe_end(end, recording.channels[drive].unit)
+        found += sensor_range.describe_end(end, recording.channels[drive].unit_words)
         is_kept = drive in watched.accepted
         done = (
             f'they are fitted because of clip = "accept" for {drive}' if is_kept else "they are excluded from the fit"
@@ -135,8 +135,10 @@ def clipped_effort_faults(recording: Recording, study: Study) -> list[Fault]:
                 continue
             count = sum(limit.samples for limit in limits)
             values = " and ".join(f"{limit.value:.4g}" for limit in limits)
-            unit = "" if channel.unit == "1" else f" {channel.unit}"
-            found = f"{count} samples ({100.0 * count / len(part):.2g} %) at {values}{unit}, as of a sensor that clips"
+            found = (
+                f"{count} samples ({100.0 * count / len(part):.2g} %) at {values}{channel.unit_words}, as of a sensor "
+                "that clips"
+            )
             wanted = f'efforts within the range of the sensor, or {name} = {{ clip = "accept" }} if none was larger'
             where = f"{part.path.name} (recording {recording.name}), channel {name}"
             message = f"{where}: found {found}, expected {wanted}"
@@ -366,8 +368,7 @@ def _check_clipped(watched: WatchedRecording, add: AddFault) -> None:
                 continue
             count, value = int(length.sum()), float(x[first[0]])
             runs = "one flat run" if first.size == 1 else f"{first.size} flat runs"
-            unit = "" if channel.unit == "1" else f" {channel.unit}"
-            found = f"{count} samples clipped, in {runs} at the {end} value {value:.6g}{unit}"
+            found = f"{count} samples clipped, in {runs} at the {end} value {value:.6g}{channel.unit_words}"
             severity = "note"
             if clipped.is_at_limit(watched, name, value):
                 wanted = "none, but the limit is known"
@@ -394,7 +395,7 @@ def _check_wrap(watched: WatchedRecording, specs: Mapping[str, ChannelSpec], add
         if write:
             first = watched.recording.time[found.jumps[0]]
             times = "once" if len(found.jumps) == 1 else f"{len(found.jumps)} times"
-            what = f"a value that rolls over by {found.period:.4g} {channel.unit} {times}, first at {first:.6g} s"
+            what = f"a value that rolls over by {found.period:.4g}{channel.unit_words} {times}, first at {first:.6g} s"
             wanted = f"a continuous one: {name} = {{ {write} }} in [channels]"
             add("refuse" if name in watched.channels else "note", "wrap", name, found=what, expected=wanted)
         elif name.partition(".")[0] == "position" and name in watched.channels:
@@ -438,10 +439,11 @@ def _check_magnitude(watched: WatchedRecording, study: Study, add: AddFault) -> 
             continue
         steady = wrong.probable_unit == "deg" and has_constant_speeds(recording.time, channel.samples)
         unit = wrong.probable_unit
-        found = f"a magnitude of {wrong.largest:.4g} {channel.unit}"
+        found = f"a magnitude of {wrong.largest:.4g}{channel.unit_words}"
         found += " of a joint that turns at constant speeds" if steady else ""
-        found += f", which looks like {unit} taken for {channel.unit}" if unit else ", which is nonsense"
-        wanted = f"at most {wrong.limit:.4g} {channel.unit}"
+        taken = f" taken for{channel.unit_words}" if channel.unit_words else ""
+        found += f", which looks like {unit}{taken}" if unit else ", which is nonsense"
+        wanted = f"at most {wrong.limit:.4g}{channel.unit_words}"
         if name in watched.channels:
             wanted += f': the unit; write unit = "{unit}"' if unit and wrong.is_typical else ""
             wanted += _override(name, watched.is_drive(name))

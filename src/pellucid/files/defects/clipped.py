@@ -56,7 +56,7 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
             for first, length in zip(firsts.tolist(), lengths.tolist(), strict=True):
                 if is_dwell(watched, name, first, first + length - 1):
                     continue
-                found = f"{length} samples clipped at {x[first]:.6g} {watched.recording.channels[name].unit}"
+                found = f"{length} samples clipped at {x[first]:.6g}{watched.recording.channels[name].unit_words}"
                 yield make_cut(watched.recording, KIND, name, first=first, last=first + length - 1, found=found)
 
 

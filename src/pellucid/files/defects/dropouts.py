@@ -81,7 +81,7 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
                 held = x[a] != 0.0 and a > 0 and b < len(x) - 1
                 lost = held or (moved is not None and _has_moved(moved, a, b))
             if lost:
-                many = f"the one value {x[a]:z.6g} {watched.recording.channels[name].unit} in {length[i]} samples"
+                many = f"the one value {x[a]:z.6g}{watched.recording.channels[name].unit_words} in {length[i]} samples"
                 yield make_cut(watched.recording, KIND, name, first=a, last=b, found=f"a dropout, {many}")
 
 

@@ -74,7 +74,7 @@ def find_implausible(channel: Channel, known_limit: float = 0.0) -> ImplausibleM
     limit, probable_unit = _MAX_PLAUSIBLE.get(
         (channel.name.partition(".")[0], channel.unit), (MAGNITUDE_LIMITS.max_magnitude, "")
     )
-    if channel.name.startswith("emg."):
+    if channel.name.startswith("emg.") and channel.unit == "V":
         limit, probable_unit = _MAX_PLAUSIBLE_EMG
         if float(np.max(np.abs(channel.samples), where=np.isfinite(channel.samples), initial=0.0)) > _MAX_EMG_MV:
             probable_unit = "uV"

@@ -90,15 +90,14 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
     for drive, end in find_sensor_ends(watched):
         if drive in watched.accepted:
             continue
-        unit = watched.recording.channels[drive].unit
+        unit = watched.recording.channels[drive].unit_words
         for first, last in end.runs:
             found = f"{last - first + 1} samples {describe_end(end, unit)}"
             yield make_cut(watched.recording, KIND, drive, first=first, last=last, found=found)
 
 
 def describe_end(end: SensorEnd, unit: str) -> str:
-    """Return what a sensor's end is, as the end of a sentence that begins with a number of samples."""
-    unit = "" if unit == "1" else f" {unit}"
+    """Return what a sensor's end is, as the end of a sentence that begins with a number; `unit` begins with a blank."""
     return (
         f"beyond the end of the sensor's range at {end.value:.4g}{unit}, where the motion shows up to "
         f"{end.predicted:.4g}{unit}"

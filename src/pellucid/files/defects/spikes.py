@@ -58,7 +58,7 @@ remaining samples. A muscle or a knock makes peaks there that are as sharp as a 
 def find(watched: WatchedRecording) -> Iterator[Cut]:
     """Yield a cut for each spike in the channels that the study reads."""
     for name in watched.channels:
-        unit = watched.recording.channels[name].unit
+        unit = watched.recording.channels[name].unit_words
         widest = max(SPIKE_LIMITS.max_spike_samples, round(SPIKE_LIMITS.max_spike_s * watched.recording.fs))
         x, has_inertia = watched.samples(name), name.partition(".")[0] in INERTIAL_CHANNELS
         found = _find_repeatedly(x, widest)
@@ -74,7 +74,7 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
             found = [e for e in found if e[2] > rest_range * max(min_ratio, border_ratio if e in at_border else 0.0)]
         for first, last, height in found:
             yield make_cut(
-                watched.recording, KIND, name, first=first, last=last, found=f"a spike of {height:.3g} {unit}"
+                watched.recording, KIND, name, first=first, last=last, found=f"a spike of {height:.3g}{unit}"
             )
 
 
