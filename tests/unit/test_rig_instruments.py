@@ -133,10 +133,10 @@ def test_what_cannot_be_is_refused_with_its_place(tmp_path, text, found, given, 
 
 def test_what_is_stated_later_leaves_a_card_valid(tmp_path):
     """The cards' inputs leave instruments out, as they leave out limits."""
-    from pellucid.study.procedures.card_sources import _without_keys
+    from pellucid.study.study import without_keys
 
     table = {"motion": "rotary", "instruments": {"probe": True}, "joints": [{"instruments": {}, "limits": {}}]}
-    assert _without_keys(table, "instruments") == {"motion": "rotary", "joints": [{"limits": {}}]}
+    assert without_keys(table, "instruments") == {"motion": "rotary", "joints": [{"limits": {}}]}
 
 
 def test_a_worn_compensator_watches_the_spring_that_its_instruments_have():

@@ -10,9 +10,12 @@ from typer.testing import CliRunner
 import pellucid as pl
 from pellucid._errors import PellucidError
 from pellucid.cli import app
+from pellucid.controllers.commissioning import Answers
 from pellucid.controllers.export.controller_values import joint_values
+from pellucid.controllers.study.commission import state_answers
 from pellucid.models.card import CardParameter, ModelCard, read_card, write_card
-from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.registry import asked, open_study
+from pellucid.study.procedures.result import Result
 from pellucid.study.results import ResultRow, require_own_page, write_rows
 from pellucid_lab.ranking.rank import rank
 
@@ -46,6 +49,18 @@ def test_a_card_of_the_study_as_it_is_is_used(study):
     card = read_card(study.models_dir / "joint.json")
     assert card.made_from["procedure"] == "joint"
     assert "recordings/sweep.csv" in card.made_from
+
+
+def test_what_commissioning_writes_leaves_results_up_to_date(study):
+    """Identification reads no instruments, and a comment is no setting."""
+    (procedure,) = asked(study)
+    state_answers(study.folder / "study.toml", Answers(0.014, 1e-4, (5.0, -1.0, 4.0, -2.0, 3.0, -3.0), 300, 10))
+    commissioned = open_study(study.folder)
+    assert commissioned.rig.instruments.start_up_answer == pytest.approx(0.014)
+    assert Result.kept(commissioned, procedure) is not None
+    assert pl.report(commissioned, only_kept=True).is_file()
+    changed = edit(study, 'torque_constant = "2 N*m/A"', 'torque_constant = "4 N*m/A"')
+    assert Result.kept(changed, procedure) is None
 
 
 def test_a_changed_machine_makes_a_card_stale(study):

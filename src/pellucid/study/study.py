@@ -6,6 +6,7 @@ Where the files of a study lie, without reading study.toml or loading NumPy.
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -21,6 +22,16 @@ if TYPE_CHECKING:
     from ..files.recording import Recording
     from .study_fields import Table
     from .study_file import ChannelSpec, Model, OneJoint, Processing, RigJoint, SeveralJoints, StudyFile
+
+INSTRUMENTS_KEY = "instruments"
+"""Key of a joint's table that only controllers use: it may be stated after the joint was identified."""
+
+
+def without_keys(table: object, *left_out: str) -> object:
+    """Return a table without the keys `left_out`, also in the tables that it contains."""
+    if isinstance(table, Mapping):
+        return {key: without_keys(value, *left_out) for key, value in table.items() if key not in left_out}
+    return [without_keys(each, *left_out) for each in table] if isinstance(table, (list, tuple)) else table
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,13 +140,19 @@ class Study(StudySource):
         return tuple(dict.fromkeys(every_file(self)))
 
     def fingerprint(self, more: Iterable[Path] = ()) -> str:
-        """Return the SHA-256 of study.toml, of all recordings' files, of `more` files and of Pellucid's own code."""
+        """Return the SHA-256 of all from which a procedure computes its result.
+
+        That is Pellucid's own code, the tables of study.toml without a joint's instruments, which only controllers
+        use, the files of all recordings, and `more` files.
+        """
         from .code_fingerprint import code_fingerprint
 
-        digests = {path: self.digest(path) for path in (self.path, *self.files())}
+        stated = self.config.model_dump(exclude_defaults=True, warnings=False)
+        stated["rig"] = without_keys(stated["rig"], INSTRUMENTS_KEY)
+        digests = {path: self.digest(path) for path in self.files()}
         # Cards may change while a study is open, so they are read again. Recordings are read once.
         digests |= {path: checksum(path) if path.is_file() else "" for path in more}
-        parts = [code_fingerprint()]
+        parts = [code_fingerprint(), json.dumps(stated, default=str)]
         # relpath also works for a file outside the study's folder.
         parts += [f"{os.path.relpath(path, self.folder)} {digest}" for path, digest in digests.items()]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()

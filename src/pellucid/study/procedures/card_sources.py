@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 from ..._errors import PellucidError
 from ..._printed_command import printed_command
 from ...models.estimates import rank_verdicts
-from ..study import STUDY_FILE, checksum
+from ..study import INSTRUMENTS_KEY, STUDY_FILE, checksum, without_keys
 from .result import fingerprint
 
 if TYPE_CHECKING:
@@ -58,8 +58,8 @@ def card_sources(study: Study, procedure: Procedure) -> dict[str, str]:
 
     others = {each.name for each in ALL_PROCEDURES if each.table is not None and each.command != procedure.command}
     used = study.config.model_dump(exclude_defaults=True, exclude=UNUSED_TABLES | others, warnings=False)
-    unused = ("instruments",) if procedure.uses_limits else ("instruments", "limits")
-    used["rig"] = _without_keys(used["rig"], *unused)
+    unused = (INSTRUMENTS_KEY,) if procedure.uses_limits else (INSTRUMENTS_KEY, "limits")
+    used["rig"] = without_keys(used["rig"], *unused)
     found = {PROCEDURE_KEY: procedure.name}
     for name, table in sorted(used.items()):
         text = json.dumps(table, sort_keys=True, default=str)
@@ -127,12 +127,6 @@ def _changes(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]
 def _read_anew(study: Study) -> Study:
     """Return the study without cached checksums, because a file may have changed since it was read."""
     return replace(study, kept=replace(study.kept, digests={}))
-
-
-def _without_keys(table: object, *left_out: str) -> object:
-    if isinstance(table, Mapping):
-        return {key: _without_keys(value, *left_out) for key, value in table.items() if key not in left_out}
-    return [_without_keys(each, *left_out) for each in table] if isinstance(table, (list, tuple)) else table
 
 
 def _called(study: Study, path: Path) -> str:
