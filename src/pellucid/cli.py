@@ -694,7 +694,9 @@ def commission(
     ] = None,
     log: Annotated[
         list[Path] | None,
-        typer.Option("--log", metavar="FILES...", help="Logs of starts, nobody strapped in: time, position, effort."),
+        typer.Option(
+            "--log", metavar="FILES...", help="Logs of starts: time, position, effort. Nobody wears the robot."
+        ),
     ] = None,
     worn: Annotated[
         list[Path] | None, typer.Option("--worn", metavar="FILE", help="The same on a wearer at ease; repeatable.")

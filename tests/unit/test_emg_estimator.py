@@ -244,6 +244,7 @@ def test_the_readme_names_exchanges_that_are_not_detected(cards, tmp_path):
 
     assert f"an exchange of {one} and {other} is not detected" in readme((one, other))
     assert "is not detected" not in readme()
+    assert "pattern for the movement (`CHANNEL`" in readme()
 
 
 def test_a_study_without_a_card_is_told(cards, tmp_path):

@@ -25,6 +25,7 @@ from pellucid.controllers.export.controller_values import ControllerValues, join
 from pellucid.controllers.export.export_answer import export_answer, save_answer
 from pellucid.controllers.export.microcontroller import OnCortexM4, measure, missing_tools
 from pellucid.controllers.export.replay_vector import SUPERVISOR_VARIANTS
+from pellucid.controllers.instruments import COMMISSIONING_CONDITION
 from pellucid.controllers.residual_compensator import design
 from pellucid.controllers.supervised import PROBE_ANSWER_ERROR, PROBE_ANSWER_NAMES, SUPERVISOR_NAMES
 from pellucid.controllers.supervisor_faults import UNMEASURED_FAULTS, warn_of_unmeasured_drive
@@ -59,6 +60,7 @@ file = "recordings/a.csv"
 use = "fit"
 """
 
+COMMISSIONING_GUIDES = ("commission-a-drive.md", "integrate-the-supervisor.md")
 BODY = {"inertia": 0.05, "gravity": 1.5, "offset": 0.1, "coulomb": 0.3, "viscous": 0.1, "load_friction": 0.2}
 UNITS = {"inertia": "kg*m^2", "viscous": "N*m*s/rad", "load_friction": "1"}
 
@@ -670,3 +672,57 @@ def test_without_a_measured_drive_the_first_line_says_what_is_not_found(study, u
     assert (numbers["test_least"], numbers["test_most"]) == pytest.approx((0.2 * 0.014, 1.9 * 0.014))
     constants = (folder / "pellucid_constants.h").read_text(encoding="utf-8")
     assert " * its offset: 0.2 N*m, from study.toml" in constants
+
+
+def test_every_text_asks_that_nobody_wears_the_robot_at_commissioning(study, unplayed):
+    readme = (pellucid.export(study) / "README.md").read_text(encoding="utf-8")
+    assert COMMISSIONING_CONDITION in readme
+    assert "relaxed wearer" not in readme
+    help_text = " ".join(CliRunner().invoke(app, ["commission", "--help"]).stdout.replace("│", " ").split())
+    guides = Path(__file__).parents[2] / "docs" / "how-to"
+    pages = [(guides / name).read_text(encoding="utf-8") for name in COMMISSIONING_GUIDES]
+    assert all(COMMISSIONING_CONDITION.partition(",")[0] in text for text in (help_text, *pages))
+
+
+def test_a_readme_tells_what_is_stated_also_where_it_is_typical(study, unplayed):
+    path = study.folder / "study.toml"
+    stated = "[rig.instruments]\nshaking = false\n[rig.instruments.drive_sensor]\nlag = \"2 ms\"\n"
+    path.write_text(path.read_text(encoding="utf-8").replace("[channels]", f"{stated}[channels]", 1), encoding="utf-8")
+    readme = (pellucid.export(pellucid.open(study.folder)) / "README.md").read_text(encoding="utf-8")
+    for words, value, source in (
+        ("its lag", "0.002 s", "from study.toml"),
+        ("its relative error", "0.05", "assumed, a typical value"),
+        ("measurement of the drive's effort", "yes", "from study.toml"),
+        ("range of the force sensor", "not known", "not stated"),
+        ("work of the start-up wave at commissioning", "not measured", "not stated"),
+        ("probe of encoder and drive while the law runs", "no", "chosen by the export"),
+        ("check for sustained oscillation (shaking)", "no", "from study.toml"),
+    ):
+        assert f"| {words} | {value} | {source} |" in readme
+
+
+@pytest.mark.parametrize("measured", [False, True])
+def test_a_readmes_loop_reads_what_this_controller_reads(study, unplayed, measured):
+    if measured:
+        path = study.folder / "study.toml"
+        stated = "[rig.instruments]\nsecond_encoder = true\n[rig.instruments.drive_sensor]\n"
+        text = path.read_text(encoding="utf-8").replace("[channels]", f"{stated}[channels]", 1)
+        path.write_text(text, encoding="utf-8")
+    readme = (pellucid.export(pellucid.open(study.folder)) / "README.md").read_text(encoding="utf-8")
+    assert ("drive_time_us, drive_is_valid }" in readme) == measured
+    assert ("input.joint = " in readme) == measured
+    assert "heartbeat(output.steps);" in readme
+    assert ("an encoder that drifts" in readme) != measured
+    assert ("a drive sensor that is wrong by the same factor" in readme) == measured
+
+
+@pytest.mark.parametrize(
+    ("drive", "unit"),
+    [('kind = "current"\ntorque_constant = "2 N*m/A"', "A"), ('kind = "voltage"\ntorque_constant = "2 N*m/V"', "V")],
+)
+def test_a_readme_names_the_unit_of_the_drives_command(study, unplayed, drive, unit):
+    path = study.folder / "study.toml"
+    text = path.read_text(encoding="utf-8").replace('kind = "torque"', drive)
+    path.write_text(text, encoding="utf-8")
+    readme = (pellucid.export(pellucid.open(study.folder)) / "README.md").read_text(encoding="utf-8")
+    assert f"The drive gives 2 N*m per {unit} of its command." in readme

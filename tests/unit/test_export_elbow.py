@@ -253,3 +253,12 @@ def test_what_is_exported_is_what_virtual_people_wear(study, stated):
     emg = elbow_values(study, "emg", participant="P1").numbers
     assert emg["limb_gravity"] == pytest.approx(forearm(63.0, 1.75).gravity())
     assert emg["emg_share"] > 0.0
+
+
+def test_a_readmes_loop_fills_only_the_optional_inputs_that_are_used(study, monkeypatch):
+    monkeypatch.setattr("shutil.which", lambda tool: None)
+    readme = (pellucid.export(study, controller="force_sensor") / "README.md").read_text(encoding="utf-8")
+    assert "Optional inputs that the controller uses: interaction. The others stay not valid" in readme
+    assert "input.interaction = " in readme
+    assert "input.muscle = " not in readme
+    assert "; optional, not used by this controller |" in readme

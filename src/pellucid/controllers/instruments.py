@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 from .._errors import PellucidError
+
+COMMISSIONING_CONDITION = "Nobody wears the robot, and the joint can move freely."
+"""Condition of the ten starts that measure sign, gain and delay of a drive."""
 
 ENCODER_RESOLUTION = 4e-4
 """Error of one encoder reading if none is stated [rad or m]."""
@@ -79,10 +82,11 @@ class Instruments:
     probe_answer : sequence of float or None
         Answers to the probe's three waves at commissioning, with a drive and an encoder known to be right: real and
         imaginary part of each, shape (6,) [1]. None: the first movement after each start is taken for right.
-
     shaking : bool
         Whether a sustained oscillation of the joint, faster than reaching movements, switches the power off. It detects
         a drive whose own measurement is wrong, but also stops a wearer who stirs, polishes or walks.
+    stated : frozenset of str
+        Names of the fields that study.toml states. An exported README lists the others as assumed.
 
     Raises
     ------
@@ -120,19 +124,20 @@ class Instruments:
     probe: bool | None = None
     probe_answer: tuple[float, ...] | None = None
     shaking: bool = False
+    stated: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
 
     def __post_init__(self):
         if self.probe_answer is not None:
             object.__setattr__(self, "probe_answer", _checked_answer(self.probe_answer))
         positive = ("encoder_resolution", "joint_tolerance", "drive_limit", "spring_stiffness", "force_range",
                     "emg_range", "start_up_answer")  # fmt: skip
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value is None or isinstance(value, bool | tuple):
+        for name in (each.name for each in fields(self)):
+            value = getattr(self, name)
+            if value is None or isinstance(value, bool | tuple | frozenset):
                 continue
-            least = "more than 0" if field.name in positive else "0 or more"
-            if not (value > 0.0 if field.name in positive else value >= 0.0):
-                raise PellucidError(f"instruments: {field.name}: found {value:g}, expected {least}")
+            least = "more than 0" if name in positive else "0 or more"
+            if not (value > 0.0 if name in positive else value >= 0.0):
+                raise PellucidError(f"instruments: {name}: found {value:g}, expected {least}")
 
     def completed(
         self,

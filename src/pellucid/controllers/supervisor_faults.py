@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from .. import _core
+from .instruments import Instruments
 
 FAULT_NAMES: tuple[str, ...] = tuple(_core.FAULTS)
 """Names of all faults, in the order of the core's codes."""
@@ -209,3 +210,23 @@ def warn_of_unmeasured_drive(probes: bool) -> str:
         "missed many drive faults. Detection rates, with the largest excess energy delivered to the wearer: "
         f"{'; '.join(UNMEASURED_FAULTS)}. {measured}"
     )
+
+
+def undetectable_notes(instruments: Instruments, *, has_force_sensor: bool) -> tuple[str, ...]:
+    """Return a note of the faults of one joint that its sensors cannot show, each with its remedy; () without any.
+
+    `has_force_sensor` tells whether the control law reads the interaction torque.
+    """
+    faults = []
+    if not instruments.joint_encoder:
+        faults.append("an encoder that drifts, is mirrored or loses counts (remedy: a second encoder at the joint)")
+    if instruments.drive and not has_force_sensor:
+        faults.append(
+            "a drive sensor that is wrong by the same factor as the drive (remedy: a sensor outside the drive's "
+            "control loop, or a control law with a force sensor)"
+        )
+    if not (instruments.drive or has_force_sensor or instruments.shaking):
+        faults.append(
+            "a drive that adds a slow sine (remedy: a measurement of the drive, or a control law with a force sensor)"
+        )
+    return (f"The supervisor cannot detect {'; or '.join(faults)}.",) if faults else ()

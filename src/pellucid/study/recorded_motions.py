@@ -34,6 +34,10 @@ class DriveModel:
     effort_unit: str  # "N*m", "N", or the command's own unit "A" or "V" where the constant is unknown
 
 
+COMMAND_UNITS = {"current": "A", "voltage": "V"}
+"""Unit of the command of each kind of drive that is not commanded by its effort."""
+
+
 def drive_model(rig: JointTable | SeveralJoints) -> DriveModel:
     """The drive's effort per command, from the rig's constants.
 
@@ -45,7 +49,7 @@ def drive_model(rig: JointTable | SeveralJoints) -> DriveModel:
     if drive.kind == "torque":
         return DriveModel(1.0, 0.0, si)
     if drive.constant is None:
-        return DriveModel(1.0, 0.0, {"current": "A", "voltage": "V"}[drive.kind])
+        return DriveModel(1.0, 0.0, COMMAND_UNITS[drive.kind])
     constant = drive.constant * drive.gear_ratio
     if drive.kind == "voltage" and drive.resistance is not None:
         return DriveModel(constant / drive.resistance, constant**2 / drive.resistance, si)

@@ -21,9 +21,11 @@ from ...models.fields import COORDINATE_UNITS
 from ...models.slider_joint import SliderCard, read_slider_card
 from ...models.tree_card import TreeCard, read_tree_card
 from ...study.procedures.card_sources import require_fresh, source_notes
+from ...study.recorded_motions import COMMAND_UNITS
 from ...study.study import Study
+from ...study.study_file import JointTable, SeveralJoints
 from ..control_law import LAWS, ControlLaw, Limits
-from ..instruments import Instruments
+from ..instruments import COMMISSIONING_CONDITION, Instruments
 from ..joint_compensation import (
     DEFAULT_PERIOD_S,
     EFFORT_RISE_S,
@@ -37,7 +39,7 @@ from ..joint_compensation import (
 )
 from ..study.rig_instruments import rig_instruments
 from ..supervised import SupervisedLaw, supervised
-from ..supervisor_faults import UNMEASURED_FAULTS
+from ..supervisor_faults import UNMEASURED_FAULTS, undetectable_notes
 from ..tree_laws import TreeLaw, carried, full_compensation, transparent
 from ..worn import watched_worn
 from .instruments_listing import ListedInstrument, list_instruments
@@ -50,9 +52,10 @@ NO_START_UP_TEST_NOTE = (
 """Note in the exported README if the controller has no test at start-up."""
 
 NO_ANSWER_NOTE = (
-    "The start-up test is not commissioned: it accepts a drive gain that is wrong by a factor of up to three. Log "
-    "time, position and effort of ten starts on a relaxed wearer; pellucid commission --log writes their response as "
-    "start_up_answer into [rig.instruments]. Then export again."
+    "The start-up test is not commissioned: it accepts a drive gain that is wrong by a factor of up to three. "
+    f"Commission the robot before it is worn. {COMMISSIONING_CONDITION} Log time, position and effort of ten starts; "
+    "pellucid commission --log checks the drive, and writes their response as start_up_answer into "
+    "[rig.instruments]. Then export again."
 )
 """Note in the exported README if the start-up test has no answer of a commissioning."""
 
@@ -96,9 +99,9 @@ class ControllerValues:
 
     @property
     def all_notes(self) -> tuple[str, ...]:
-        """The notes, and what there is to say of the probe and of the start-up test."""
+        """The notes, and those on undetectable faults, on the probe and on the start-up test."""
         supervision = self.supervised.supervision
-        notes = self.notes
+        notes = (*self.notes, *undetectable_notes(self.instruments, has_force_sensor="interaction" in self.uses))
         if supervision["probe_effort"] > 0.0:
             known = supervision["probe_answer_error"] > 0.0
             notes = (*notes, PROBE_NOTE if known else UNCOMMISSIONED_PROBE_NOTE)
@@ -154,7 +157,8 @@ def protect_wearer(
     instruments, spring = values.instruments, LAWS[values.law].drives_spring
     asked = instruments.probe if probe is None else probe
     probes = not (instruments.drive or spring) if asked is None else asked
-    made = replace(values, instruments=replace(instruments, probe=probes))
+    stated = instruments.stated if probes == instruments.probe else instruments.stated - {"probe"}
+    made = replace(values, instruments=replace(instruments, probe=probes, stated=stated))
     if probes and spring:
         raise PellucidError(f"{place}: found probe, expected none: a controller of a series spring has no probe")
     if asked is False and not (instruments.drive or unmeasured):
@@ -271,18 +275,19 @@ def joint_values(
         motion=found.motion,
         effort_unit=found.effort_unit,
         speed=known_speed(found),
-        notes=notes + drive_notes(found),
+        notes=notes + drive_notes(found, study.rig),
         instruments=rig_instruments(study.rig),
         rest_friction=rest_friction(found, slider),
     )
 
 
-def drive_notes(card: ModelCard | SliderCard) -> tuple[str, ...]:
+def drive_notes(card: ModelCard | SliderCard, rig: JointTable | SeveralJoints) -> tuple[str, ...]:
     """Return a note with the gain from the drive's command to the effort, if it is known."""
     gain = card.drive.get("gain", 1.0)
-    if gain == 1.0 or card.effort_unit not in ("N*m", "N"):
+    if gain == 1.0 or card.effort_unit not in ("N*m", "N") or rig.drive is None:
         return ()
-    return (f"The effort is the joint's. The drive gives {gain:.6g} {card.effort_unit} per unit of command.",)
+    unit = COMMAND_UNITS.get(rig.drive.kind, card.effort_unit)
+    return (f"The effort is the joint's. The drive gives {gain:.6g} {card.effort_unit} per {unit} of its command.",)
 
 
 TREE_CARD_NAMES = ("tree.best.json", "tree.consistent.json", "tree.base.json")

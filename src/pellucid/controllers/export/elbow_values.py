@@ -99,7 +99,7 @@ def elbow_values(
         remark = "chosen" if exponents else "chosen by five people on another robot"
         remarks |= dict.fromkeys(("exponent_up", "exponent_down"), remark)
     notes += tuple(_notes(law, named, card, controller=controller, exponents=exponents, place=place))
-    notes += tuple(_gain_notes(stiff, law)) + tuple(_load_notes(law, held))
+    notes += drive_notes(card, study.rig) + tuple(_gain_notes(stiff, law)) + tuple(_load_notes(law, held))
     body, friction = _body(study, place)
     notes += source_notes(named.card, card)
     return ControllerValues(
@@ -219,7 +219,7 @@ def _notes(
     yield f"The parameters are valid only with the carriage at {place:.4g} m, where inertia and gravity were computed."
     if LAWS[law.kind].optional_sensors:
         used = " and ".join(name for name in law.sensors if name in law.uses)
-        yield f"Optional inputs that the controller uses: {used or 'none'}. Mark the others as not valid."
+        yield f"Optional inputs that the controller uses: {used or 'none'}. The others stay not valid (`valid` = 0)."
     if law.emg:
         yield "The input muscle is the output of your EMG chain: the torque of the wearer's muscles at the joint."
     if law.values.get("dither") and card.presliding_travel is not None:
@@ -240,4 +240,3 @@ def _notes(
             "delivers energy to the wearer in most back-and-forth movements; transparent and force_sensor absorb "
             "energy."
         )
-    yield from drive_notes(card)

@@ -8,6 +8,18 @@ from dataclasses import dataclass
 from ..instruments import CompleteInstruments, Instruments
 from ..worn import completed_by_spring
 
+STATED_SOURCE = "from study.toml"
+"""Source of what study.toml states."""
+
+ASSUMED_SOURCE = "assumed, a typical value"
+"""Source of a value with which the thresholds were chosen."""
+
+UNKNOWN_SOURCE = "not stated"
+"""Source of what has no typical value."""
+
+CHOSEN_SOURCE = "chosen by the export"
+"""Source of a probe that study.toml leaves open."""
+
 
 @dataclass(frozen=True)
 class ListedInstrument:
@@ -15,7 +27,7 @@ class ListedInstrument:
 
     words: str  # what is measured, or how well
     value: str  # number with its unit
-    stated: bool  # whether study.toml states another value than the usual one, which is assumed
+    source: str  # where the value is from
 
 
 def list_instruments(
@@ -29,25 +41,28 @@ def list_instruments(
     def complete(given: Instruments) -> CompleteInstruments:
         return completed_by_spring(given, effort_limit) if spring else given.completed(effort_limit)
 
-    used, usual = complete(instruments), complete(Instruments())
+    used = complete(instruments)
     lines: list[ListedInstrument] = []
 
-    def add(words: str, name: str, unit: str) -> None:
-        value = getattr(used, name)
-        shown = "not known" if not math.isfinite(value) else f"{value:.4g} {unit}".rstrip()
-        lines.append(ListedInstrument(words, shown, value != getattr(usual, name)))
+    def list_value(words: str, name: str, value: str, otherwise: str = ASSUMED_SOURCE) -> None:
+        lines.append(ListedInstrument(words, value, STATED_SOURCE if name in instruments.stated else otherwise))
 
-    def add_switch(words: str, name: str) -> None:
-        value = getattr(used, name)
-        lines.append(ListedInstrument(words, "yes" if value else "no", value))
+    def add(words: str, name: str, unit: str) -> None:
+        number = getattr(used, name)
+        if math.isfinite(number):
+            list_value(words, name, f"{number:.4g} {unit}".rstrip())
+        else:
+            list_value(words, name, "not known", UNKNOWN_SOURCE)
+
+    def add_switch(words: str, name: str, otherwise: str = ASSUMED_SOURCE) -> None:
+        list_value(words, name, "yes" if getattr(used, name) else "no", otherwise)
 
     add("error of one encoder reading", "encoder_resolution", coordinate)
     add_switch("second encoder behind the transmission", "joint_encoder")
     if used.joint_encoder:
         add("largest difference of both encoders", "joint_tolerance", coordinate)
     if used.spring_stiffness is not None:
-        value = f"{used.spring_stiffness:.4g} {effort}/{coordinate}"
-        lines.append(ListedInstrument("stiffness of the spring", value, True))
+        add("stiffness of the spring", "spring_stiffness", f"{effort}/{coordinate}")
     add_switch("measurement of the drive's effort", "drive")
     if used.drive:
         add("its relative error", "drive_gain_error", "")
@@ -61,15 +76,11 @@ def list_instruments(
     add("offset of the force sensor", "force_offset", effort)
     add("largest torque in the EMG calibration", "emg_range", effort)
     answer = "not measured" if used.start_up_answer is None else f"{used.start_up_answer:.4g} J"
-    lines.append(
-        ListedInstrument("work of the start-up wave at commissioning", answer, used.start_up_answer is not None)
-    )
-    add_switch("probe of encoder and drive while the law runs", "probe")
+    list_value("work of the start-up wave at commissioning", "start_up_answer", answer, UNKNOWN_SOURCE)
+    add_switch("probe of encoder and drive while the law runs", "probe", CHOSEN_SOURCE)
     if used.probe:
-        answered = used.probe_answer is not None
-        value = "stated" if answered else "not measured"
-        lines.append(ListedInstrument("answer to the probe at commissioning", value, answered))
+        answer = "not measured" if used.probe_answer is None else "stated"
+        list_value("answer to the probe at commissioning", "probe_answer", answer, UNKNOWN_SOURCE)
     if not spring:
-        watched = "yes" if used.shaking else "no"
-        lines.append(ListedInstrument("check for sustained oscillation (shaking)", watched, not used.shaking))
+        add_switch("check for sustained oscillation (shaking)", "shaking")
     return tuple(lines)

@@ -31,6 +31,7 @@ from ..commissioning import (
 from ..control_law import LAWS
 from ..export.controller_values import protect_wearer
 from ..export.export import values_for
+from ..instruments import COMMISSIONING_CONDITION
 from ..supervised import SupervisedLaw
 
 START_COUNT = 10
@@ -213,7 +214,7 @@ def _play(
 ) -> tuple[list[StartLog], list[StartLog]]:
     """Return starts without and with a wearer, played on a robot, or on the study's virtual one."""
     if robot is not None:
-        ask("Make sure that nobody wears the robot and that the joint can move. Press Enter to apply power.")
+        ask(f"{COMMISSIONING_CONDITION} Press Enter to apply power.")
         empty = record_starts(robot, law, START_COUNT, worn=False, wave_factor=DRIVE_WAVE_FACTOR)
         if wearer:
             ask("Put the robot on a relaxed wearer, who moves the joint for 20 s from the tenth start. Press Enter.")

@@ -8,6 +8,7 @@ from typing import Any
 from ..._errors import StudyError
 from ...study.instruments_table import DriveSensor
 from ...study.recorded_motions import drive_model
+from ...study.study_fields import StudyTable
 from ...study.study_file import JointTable, SeveralJoints
 from ..instruments import Instruments
 
@@ -51,16 +52,26 @@ def rig_instruments(joint: JointTable | SeveralJoints) -> Instruments:
     if isinstance(joint, SeveralJoints):
         raise StudyError(joint.refusal)
     table, drive = joint.instruments, joint.drive
-    given: dict[str, Any] = {name: getattr(table, key) for key, name in INSTRUMENT_KEYS.items()}
+    given: dict[str, Any] = {}
+    stated: set[str] = set()
+
+    def take(keys: Mapping[str, str], of: StudyTable) -> None:
+        given.update({name: getattr(of, key) for key, name in keys.items()})
+        stated.update(name for key, name in keys.items() if key in of.model_fields_set)
+
+    take(INSTRUMENT_KEYS, table)
     sensor = table.drive_sensor
     if sensor is None and table.spring_stiffness is not None:
         sensor = DriveSensor()
-    if sensor is not None and sensor.present:
-        given |= {name: getattr(sensor, key) for key, name in DRIVE_SENSOR_KEYS.items()}
+    if sensor is not None:
+        stated.add(DRIVE_SENSOR_KEYS["present"])
+        if sensor.present:
+            take(DRIVE_SENSOR_KEYS, sensor)
     # A voltage limits the effort only together with the speed.
     limit = None if drive is None or drive.kind == "voltage" else drive.limit
     if limit is not None and given.get("drive_limit") is None:
         given["drive_limit"] = drive_model(joint).gain * limit
+        stated.add("drive_limit")
     if table.force_sensor is not None:
-        given |= {name: getattr(table.force_sensor, key) for key, name in FORCE_SENSOR_KEYS.items()}
-    return Instruments(**{name: value for name, value in given.items() if value is not None})
+        take(FORCE_SENSOR_KEYS, table.force_sensor)
+    return Instruments(**{name: value for name, value in given.items() if value is not None}, stated=frozenset(stated))
