@@ -213,7 +213,7 @@ def warn_of_unmeasured_drive(probes: bool) -> str:
 
 
 def undetectable_notes(instruments: Instruments, *, has_force_sensor: bool) -> tuple[str, ...]:
-    """Return a note of the faults of one joint that its sensors cannot show, each with its remedy; () without any.
+    """Return a note of the faults of one joint that its sensors may not show, each with its remedy; () without any.
 
     `has_force_sensor` tells whether the control law reads the interaction torque.
     """
@@ -229,4 +229,4 @@ def undetectable_notes(instruments: Instruments, *, has_force_sensor: bool) -> t
         faults.append(
             "a drive that adds a slow sine (remedy: a measurement of the drive, or a control law with a force sensor)"
         )
-    return (f"The supervisor cannot detect {'; or '.join(faults)}.",) if faults else ()
+    return (f"The supervisor may not detect {'; or '.join(faults)}.",) if faults else ()
