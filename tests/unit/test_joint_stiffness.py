@@ -60,7 +60,8 @@ def test_muscles_at_rest_give_the_tissue_alone(found):
     quiet = replace(along, envelopes={c: np.zeros(len(along)) for c in along.envelopes})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pellucid.emg.estimators.joint_stiffness._move_parameter", lambda card, fit, i, by: card)
-        one = joint_stiffness(replace(card, muscles=limp), fit, quiet)
+        # The watch would take channels without a signal for dead ones.
+        one = joint_stiffness(replace(card, muscles=limp, watch=None), fit, quiet)
     assert np.allclose(one.value["short_range"], card.joints[0].stiffness, rtol=0, atol=1e-9)
     assert np.allclose(one.value["slope"], card.joints[0].stiffness, rtol=0, atol=1e-9)
     assert np.all(one.error["short_range"] == 0.0)

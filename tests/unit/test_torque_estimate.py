@@ -8,7 +8,6 @@ from pellucid.live.session.torque_estimate import (
     JOINT,
     MAX_AGE_S,
     PERIOD_S,
-    UNWATCHED_WORDS,
     TorqueEstimator,
     TorqueSamples,
     fit_estimate,
@@ -136,7 +135,7 @@ def held(seed, seconds=30.0):
     return np.column_stack([time, angle, torque]), emg_time, envelopes
 
 
-def test_a_torque_that_no_movement_tells_is_estimated_without_a_watch():
+def test_a_torque_that_no_movement_tells_is_estimated():
     """Rest looked unlike the efforts before it, so that a third of a held posture had no torque."""
     estimator, samples = TorqueEstimator(), TorqueSamples()
     for seed in range(3):
@@ -148,7 +147,6 @@ def test_a_torque_that_no_movement_tells_is_estimated_without_a_watch():
     given = [(torque, each) for torque, each in made if each is not None]
     assert len(given) > 0.95 * len(made)
     assert np.mean([abs(torque - each.torque) <= each.half_width for torque, each in given]) > 0.8
-    assert estimator.fault == UNWATCHED_WORDS
 
 
 @pytest.mark.parametrize("is_related", [True, False])
