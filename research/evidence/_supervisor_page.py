@@ -208,13 +208,14 @@ def happens(fault: FaultFigure) -> str:
     return fault.sentence.replace("N m", "N·m") + amplitude + (" *" if fault.hidden else "")
 
 
-def cell(fault: FaultFigure | None, time: float | None) -> str:
+def cell(fault: FaultFigure | None, time: float | None, *, with_units: bool = True) -> str:
     """Return detection rate unless it is 100 %, a time to detection and the largest excess energy of a fault."""
     if fault is None:
         return ""
     rate = f"{fault.rate:.0f} %, " if fault.detected < fault.effective else "" if fault.effective else "no effect, "
     after = "" if time is None else f"{milliseconds(time)}, "
-    return f"{rate}{after}{fault.excess:.2f} J"
+    whole = f"{rate}{after}{fault.excess:.2f} J"
+    return whole if with_units else whole.replace(" ms", "").replace(" J", "")
 
 
 def rate_over(faults: Sequence[FaultFigure]) -> float:
@@ -244,7 +245,7 @@ def fault_table(results: Results) -> Iterator[str]:
     for key in sorted(known_faults, key=lambda each: (order.index(each[0]) if each[0] in order else len(order), each)):
         known = known_faults[key]
         found = [faults.get(key) for faults in by_robot]
-        cells = [cell(fault, None if fault is None else fault.latest) for fault in found]
+        cells = [cell(fault, None if fault is None else fault.latest, with_units=False) for fault in found]
         yield f"| {happens(known)} | {' | '.join(cells)} |"
 
 
@@ -346,8 +347,8 @@ INTRODUCTION = """# Validation of the supervisor
 This page is generated from `research/evidence/results/supervisor.json`. [Supervision](../explanation/supervision.md)
 explains the checks.
 
-**Claim.** An exported controller stops a single fault of sensor, drive, clock or memory before it transfers more than a
-few joules to the wearer. It does not stop a healthy robot.
+**Claim.** An exported controller stops most single faults of sensor, drive, clock or memory before they transfer more
+than a few joules to the wearer. It seldom stops a healthy robot. Exceptions are listed.
 
 **Data.** Simulated. Fifteen controllers of an elbow exoskeleton, as `pellucid export` writes them, run on simulated
 plants. The plants share no equation with the core: bristle friction, transmission with backlash, drive with lag and
@@ -376,8 +377,8 @@ wearer's own faults, such as a spasm, are excluded here.
 
 TABLE_TEXT = """## All faults
 
-Each cell gives longest time to detection and largest excess energy, with the detection rate first where it is below
-100 %. A star marks a fault that no sensor of a robot with one encoder can show.
+Each cell gives longest time to detection (ms) and largest excess energy (J), with the detection rate first where it is
+below 100 %. A star marks a fault that no sensor of a robot with one encoder can show.
 """
 """Text before the table of faults."""
 

@@ -153,32 +153,32 @@ SUPERVISOR_FAULTS_BY_NAME: Mapping[str, SupervisorFault] = {
 # Fifteen laws, as `pellucid export` wrote them, worn on twenty foreign plants (`evidence._exported`). Runs lasted ten
 # seconds after the onset of the fault. A test compares these words with the stored results.
 UNMEASURED_FAULTS = (
-    "reversed polarity: detected in 80 of 300 runs, up to 15 J",
-    "three times the effort: detected in 63 of 281 runs, up to 35 J",
-    "effort stuck at a value: detected in 91 of 300 runs, up to 28 J",
-    "no effort: detected in 60 of 300 runs, up to 6 J",
+    "reversed polarity: detected in 79 of 300 runs, up to 13 J",
+    "three times the effort: detected in 64 of 284 runs, up to 29 J",
+    "effort stuck at a value: detected in 81 of 300 runs, up to 25 J",
+    "no effort: detected in 61 of 300 runs, up to 8.1 J",
 )
 """Faults of a drive without a measurement of its effort, their detection rates, and the largest excess energy delivered
 to the limb."""
 
 PROBED_FAULTS = (
-    "reversed polarity: detected in 598 of 598 runs, up to 3.7 J",
-    "three times the effort: detected in 598 of 598 runs, up to 3.3 J",
-    "effort stuck at a value: detected in 598 of 598 runs, up to 6.4 J",
-    "no effort: detected in 598 of 598 runs, up to 1.3 J",
+    "reversed polarity: detected in 300 of 300 runs, up to 1.7 J",
+    "three times the effort: detected in 300 of 300 runs, up to 3.2 J",
+    "effort stuck at a value: detected in 300 of 300 runs, up to 4.7 J",
+    "no effort: detected in 300 of 300 runs, up to 0.9 J",
 )
 """Detection rates and largest excess energy of the same faults if the supervisor probes and was commissioned."""
 
 MEASURED_FAULTS = (
-    "reversed polarity: detected in 598 of 598 runs, up to 0.025 J",
-    "three times the effort: detected in 598 of 598 runs, up to 0.02 J",
-    "effort stuck at a value: detected in 598 of 598 runs, up to 0.067 J",
-    "no effort: detected in 598 of 598 runs, up to 0.088 J",
+    "reversed polarity: detected in 300 of 300 runs, up to 0.0037 J",
+    "three times the effort: detected in 300 of 300 runs, up to 0.026 J",
+    "effort stuck at a value: detected in 300 of 300 runs, up to 0.0086 J",
+    "no effort: detected in 300 of 300 runs, up to 0.054 J",
 )
 """The same with a measurement of the drive."""
 
 UNSEEN_FAULTS = (
-    "three times the effort, with a current sensor that reads a third: detected in 141 of 567 runs, up to 35 J",
+    "three times the effort, with a current sensor that reads a third: detected in 71 of 284 runs, up to 29 J",
 )
 """The same with a measurement that has the drive's own fault."""
 
