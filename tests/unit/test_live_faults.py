@@ -59,7 +59,7 @@ def test_a_law_that_is_armed_again_begins_without_the_torque_of_the_last_trial(r
     rig.open_both()
     rig.until_powered()
     rig.operator.act("end_trial")
-    rig.until(lambda: rig.session.phase == "judged")
+    rig.until(lambda: rig.session.phase == "judged" and is_off(rig))
     count = rig.engine.region.record_count
     rig.operator.act("repeat")
     rig.until(lambda: rig.operator.act("start")[0]["type"] == "done")
