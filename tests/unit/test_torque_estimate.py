@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from pellucid.emg.estimators.live_torque import LiveTorque
+from pellucid.live.session import torque_estimate
 from pellucid.live.session.torque_estimate import (
     JOINT,
     MAX_AGE_S,
     PERIOD_S,
+    UNWATCHED_WORDS,
     TorqueEstimator,
     TorqueSamples,
     fit_estimate,
@@ -135,8 +137,11 @@ def held(seed, seconds=30.0):
     return np.column_stack([time, angle, torque]), emg_time, envelopes
 
 
-def test_a_torque_that_no_movement_tells_is_estimated():
+@pytest.mark.parametrize("words", ["", UNWATCHED_WORDS])
+def test_a_torque_that_no_movement_tells_is_estimated(words, monkeypatch):
     """Rest looked unlike the efforts before it, so that a third of a held posture had no torque."""
+    if words:  # as if its watch refused too much
+        monkeypatch.setattr(torque_estimate, "MAX_REFUSED_SHARE", -1.0)
     estimator, samples = TorqueEstimator(), TorqueSamples()
     for seed in range(3):
         estimator.add_trial(samples.muscles, np.concatenate(list(streamed(samples, *held(seed), 100.0 * (seed + 1)))))
@@ -147,6 +152,7 @@ def test_a_torque_that_no_movement_tells_is_estimated():
     given = [(torque, each) for torque, each in made if each is not None]
     assert len(given) > 0.95 * len(made)
     assert np.mean([abs(torque - each.torque) <= each.half_width for torque, each in given]) > 0.8
+    assert estimator.fault == words
 
 
 @pytest.mark.parametrize("is_related", [True, False])
