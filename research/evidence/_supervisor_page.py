@@ -213,9 +213,8 @@ def cell(fault: FaultFigure | None, time: float | None, *, with_units: bool = Tr
     if fault is None:
         return ""
     rate = f"{fault.rate:.0f} %, " if fault.detected < fault.effective else "" if fault.effective else "no effect, "
-    after = "" if time is None else f"{milliseconds(time)}, "
-    whole = f"{rate}{after}{fault.excess:.2f} J"
-    return whole if with_units else whole.replace(" ms", "").replace(" J", "")
+    after = "" if time is None else f"{milliseconds(time) if with_units else f'{1e3 * time:.0f}'}, "
+    return f"{rate}{after}{fault.excess:.2f}{' J' if with_units else ''}"
 
 
 def rate_over(faults: Sequence[FaultFigure]) -> float:

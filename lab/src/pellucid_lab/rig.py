@@ -19,7 +19,7 @@ from pellucid._errors import StudyError
 from pellucid._given import parse_toml
 
 from .constants import RigConstants
-from .processes import results_from_threads
+from .processes import ordered_results, results_from_threads
 from .recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, file_name
 
 Outcome = TypeVar("Outcome")
@@ -222,12 +222,12 @@ class Rig(ABC):
                 yield self._record_one(trial, drawn, store, then)
             return
         jobs = [(self._record_one, *job, store, then) for job in zip(trials, draws, strict=True)]
-        if executor is None:
-            found = results_from_threads(jobs, threads)
-        else:
-            begun = [executor.submit(*job) for job in jobs]
-            found = (each.result() for each in begun)
-        for i, made in enumerate(found):
+        if executor is not None:
+            yield from ordered_results(
+                jobs, tell=lambda done, of: tell(f"recorded {done} of {of} trials", done / of), executor=executor
+            )
+            return
+        for i, made in enumerate(results_from_threads(jobs, threads)):
             yield made
             tell(f"recorded {trials[i].name}", (i + 1) / len(trials))
 

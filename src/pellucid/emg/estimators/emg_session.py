@@ -48,6 +48,7 @@ import numpy as np
 
 from ..._core import Biquads
 from ..._errors import IdentificationError
+from ...numerics.filters import runs
 from ..models.emg_estimator import (
     WATCH_DEFAULTS,
     EmgEstimatorCard,
@@ -714,16 +715,10 @@ def _silences(
     idle = WATCH_TIMES.idle_share * usual
 
     def limit(level: float) -> float:
-        longest = max(_longest_run(own[:, k] <= level) for own in x) / fs
+        longest = max((r.stop - r.start for own in x for r in runs(own[:, k] <= level)), default=0) / fs
         return max(WATCH_TIMES.max_rest_ratio * longest, longest + WATCH_TIMES.min_rest_s)
 
     return floor, limit(floor), idle, 0.0 if is_seen else limit(idle)
-
-
-def _longest_run(is_low: np.ndarray) -> int:
-    """Return the largest number of consecutive true samples."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], is_low.astype(int), [0]])))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))
 
 
 def _alike_pairs(

@@ -366,7 +366,6 @@ MAX_NAMED_PAIRS = 3
 """Largest number of pairs of channels that a sentence names."""
 
 
-
 def unwatched_words(pairs: Sequence[tuple[str, str]]) -> str:
     """Return the pairs of channels whose exchange would not be detected, in words."""
     said = [f"{one} and {other}" for one, other in pairs[:MAX_NAMED_PAIRS]]
