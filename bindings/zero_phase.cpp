@@ -74,6 +74,8 @@ void cascade(const std::vector<p::BiquadSection<double>>& sections, const double
   };
   const auto all = [&](auto width, std::size_t c) {
     std::size_t i = 0;
+    if constexpr (decltype(width)::value < 8)  // eight signals' states of four sections are too many for registers
+      for (; i + 4 <= sections.size(); i += 4) some(width, std::integral_constant<int, 4>(), i, c);
     for (; i + 2 <= sections.size(); i += 2) some(width, std::integral_constant<int, 2>(), i, c);
     if (i < sections.size()) some(width, std::integral_constant<int, 1>(), i, c);
   };
@@ -84,6 +86,27 @@ void cascade(const std::vector<p::BiquadSection<double>>& sections, const double
   for (; c < columns; ++c) all(std::integral_constant<int, 1>(), c);
 }
 
+/// Columns that are run for so many signals: three or seven take as long alone as four or eight side by side, or longer.
+std::size_t columns_to_run(std::size_t signals) {
+  const std::size_t last = signals % 8;
+  return signals + (last > 4 ? 8 - last : last == 3 ? 1 : 0);
+}
+
+/// Copies the columns that both have; columns that only `to` has become 0.
+void copy_columns(const double* from, std::size_t has, double* to, std::size_t takes, std::size_t rows) {
+  if (has == takes) {
+    std::copy(from, from + rows * has, to);
+    return;
+  }
+  const std::size_t both = std::min(has, takes);
+  for (; rows > 0; --rows, from += has, to += takes) {
+    std::size_t c = 0;
+    for (; c + 2 <= both; c += 2) to[c] = from[c], to[c + 1] = from[c + 1];
+    if (c < both) to[c] = from[c], ++c;
+    for (; c < takes; ++c) to[c] = 0.0;
+  }
+}
+
 nb::object zero_phase(nb::handle sos_, nb::handle settled_, nb::handle samples_, std::size_t padding) {
   const Array sos = read_array("sos", sos_), settled = read_array("settled", settled_);
   const Array samples = read_array("samples", samples_);
@@ -91,8 +114,9 @@ nb::object zero_phase(nb::handle sos_, nb::handle settled_, nb::handle samples_,
   settled.expect(text({sos.shape[0], 2}), {sos.shape[0], 2});
   if (samples.shape.size() != 2 || samples.shape[0] <= padding)
     samples.fail("(n, m) with n above " + std::to_string(padding));
-  const std::size_t rows = samples.shape[0], columns = samples.shape[1], all = rows + 2 * padding;
-  Result filtered({rows, columns});
+  const std::size_t rows = samples.shape[0], signals = samples.shape[1], all = rows + 2 * padding;
+  const std::size_t columns = columns_to_run(signals);
+  Result filtered({rows, signals});
   {
     nb::gil_scoped_release release;
     std::vector<p::BiquadSection<double>> sections;
@@ -101,9 +125,9 @@ nb::object zero_phase(nb::handle sos_, nb::handle settled_, nb::handle samples_,
       sections.push_back({row[0], row[1], row[2], row[4], row[5]});
     }
     const std::unique_ptr<double[]> memory(new double[all * columns]);  // not zeros, which would cost as a pass does
-    double* work = memory.get();
-    const double *first = samples.data, *last = samples.data + (rows - 1) * columns;
-    std::copy(first, last + columns, work + padding * columns);
+    double *work = memory.get(), *inner = work + padding * columns;
+    copy_columns(samples.data, signals, inner, columns, rows);
+    const double *first = inner, *last = inner + (rows - 1) * columns;
     for (std::size_t i = 0; i < padding; ++i)
       for (std::size_t c = 0; c < columns; ++c) {
         work[i * columns + c] = 2.0 * first[c] - first[(padding - i) * columns + c];
@@ -114,7 +138,7 @@ nb::object zero_phase(nb::handle sos_, nb::handle settled_, nb::handle samples_,
       cascade(sections, settled.data, work, all, columns, stride);
       cascade(sections, settled.data, work + (all - 1) * columns, all, columns, -stride);
     }
-    std::copy(work + padding * columns, work + (padding + rows) * columns, filtered.data);
+    copy_columns(inner, columns, filtered.data, signals, rows);
   }
   return filtered.array();
 }

@@ -105,18 +105,15 @@ def filtered_jacobian(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same with its derivative, (n, p), by p values of which `selection`, (k, p), makes the core's vector."""
     active = np.flatnonzero(selection.any(axis=1))
-    direction, velocity = _presliding_direction(motion), _slip_velocity(motion)
-    if direction is not None:  # as it slips in the direction of s, times |s|
-        velocity = np.copysign(np.maximum(np.abs(motion.velocity), MIN_SLIP_SPEED), direction)
+    velocity = _friction_velocity(motion)
     effort, jacobian = _core.inverse_dynamics_jacobian(vector, motion.position, velocity, motion.acceleration, active)
     whole = np.column_stack([effort, jacobian @ selection[active]])
     terms = list(smooth)
     made = np.column_stack([vector, selection])[terms]
     filtered = _smooth_regressor(motion)[:, : len(terms)] @ made
     if velocity is not motion.velocity:
-        jumps = whole - regressor(motion.position, velocity, motion.acceleration, smooth) @ made
-        if direction is not None:
-            jumps = np.abs(direction)[:, None] * jumps
+        smoothly = regressor(motion.position, velocity, motion.acceleration, smooth) @ made
+        jumps = _given_way(whole - smoothly, motion)
     else:
         jumps = whole - filtered
     kept = jumps.any(axis=0)
@@ -131,11 +128,10 @@ def filtered_rows(
 
     Linear terms are filtered once and kept with the motion; only nonlinear terms are filtered again.
     """
-    if _presliding_direction(motion) is not None:
-        effort, jacobian = filtered_jacobian(vector, selection, motion, smooth)
-        return motion.rows(effort), motion.rows(jacobian)
-    terms = [*smooth, *(i for i in SMOOTH_TERMS + JUMPING_TERMS if i not in smooth)]
-    linear = _linear_rows(motion, tuple(terms), len(smooth), float(vector[_NAMES.index("velocity_width")]))
+    jumping = tuple(i for i in SMOOTH_TERMS + JUMPING_TERMS if i not in smooth)
+    terms = [*smooth, *jumping]
+    width = float(vector[_NAMES.index("velocity_width")])
+    linear = np.hstack([_smooth_rows(motion)[:, : len(smooth)], _jumping_rows(motion, jumping, width)])
     effort, rows = linear @ vector[terms], linear @ selection[terms]
     curved = list(CURVED_TERMS)
     if not (vector[curved].any() or selection[curved].any()):
@@ -146,36 +142,51 @@ def filtered_rows(
     bent[[i for i in terms if i not in BODY_TERMS]] = 0.0
     candidates = np.array([*BODY_TERMS, *curved])
     active = candidates[selection[candidates].any(axis=1)]
-    states = motion.position, _slip_velocity(motion), motion.acceleration
+    states = motion.position, _friction_velocity(motion), motion.acceleration
     whole, jacobian = _core.inverse_dynamics_jacobian(bent, *states, active)
     chosen = np.flatnonzero(selection[active].any(axis=0))
-    # Filters take four signals, or eight, as soon as three, or seven.
-    signals = -4 * (-(1 + len(chosen)) // 4)
-    made, less = np.zeros((len(active), signals)), np.zeros((len(body), signals))
-    made[:, 1 : 1 + len(chosen)] = selection[np.ix_(active, chosen)]
-    less[:, 0], less[:, 1 : 1 + len(chosen)] = bent[body], selection[np.ix_(body, chosen)]
+    made, less = np.zeros((len(active), 1 + len(chosen))), np.zeros((len(body), 1 + len(chosen)))
+    made[:, 1:] = selection[np.ix_(active, chosen)]
+    less[:, 0], less[:, 1:] = bent[body], selection[np.ix_(body, chosen)]
     jumps = jacobian @ made
     jumps -= _smooth_regressor(motion)[:, : len(BODY_TERMS)] @ less
     jumps[:, 0] += whole
-    added = motion.rows(motion.smooth(jumps))
-    rows[:, chosen] += added[:, 1 : 1 + len(chosen)]
+    added = motion.rows(motion.smooth(_given_way(jumps, motion)))
+    rows[:, chosen] += added[:, 1:]
     return effort + added[:, 0], rows
 
 
-def _linear_rows(motion: FilteredMotion, terms: tuple[int, ...], smooth: int, width: float) -> np.ndarray:
-    """The regressor of linear `terms`, (m, k), at the rows that a regression uses; all but the first `smooth` filtered.
+def _smooth_rows(motion: FilteredMotion) -> np.ndarray:
+    """Return the regressor of `SMOOTH_TERMS`, (m, 7), at the rows that a regression uses.
+
+    Motions that differ in their direction of friction share it.
+    """
+    kept = _smooth_kept(motion)
+    if "smooth_rows" not in kept:
+        kept["smooth_rows"] = motion.rows(_smooth_regressor(motion))
+    return kept["smooth_rows"]
+
+
+def _jumping_rows(motion: FilteredMotion, terms: tuple[int, ...], width: float) -> np.ndarray:
+    """Return the filtered regressor of linear `terms` that jump with the velocity, (m, k), at those rows.
 
     It is kept with the motion, for it depends on no parameter but the `width` of the smooth sign [velocity].
     """
-    kept = vars(motion).setdefault("_linear_rows", {})
-    if (terms, smooth, width) not in kept:
-        columns = regressor(motion.position, motion.velocity, motion.acceleration, terms, width)
-        slip = _slip_velocity(motion)
-        if slip is not motion.velocity:
-            columns[:, smooth:] = regressor(motion.position, slip, motion.acceleration, terms[smooth:], width)
-        columns[:, smooth:] = motion.smooth(columns[:, smooth:])
-        kept[terms, smooth, width] = motion.rows(columns)
-    return kept[terms, smooth, width]
+    kept = vars(motion).setdefault("_jumping_rows", {})
+    if (terms, width) not in kept:
+        columns = regressor(motion.position, _friction_velocity(motion), motion.acceleration, terms, width)
+        kept[terms, width] = motion.rows(motion.smooth(_given_way(columns, motion)))
+    return kept[terms, width]
+
+
+def share_smooth_regressor(motion: FilteredMotion, other: FilteredMotion) -> None:
+    """Let two motions keep their smooth regressor together, which differ in their direction of friction alone."""
+    vars(other)["_smooth_kept"] = _smooth_kept(motion)
+
+
+def _smooth_kept(motion: FilteredMotion) -> dict[str, np.ndarray]:
+    """Return what is kept with a motion of its smooth regressor, by name."""
+    return vars(motion).setdefault("_smooth_kept", {})
 
 
 def _slip_velocity(motion: FilteredMotion) -> np.ndarray:
@@ -189,11 +200,26 @@ def _presliding_direction(motion: FilteredMotion) -> np.ndarray | None:
     return getattr(motion, "direction", None)
 
 
+def _friction_velocity(motion: FilteredMotion) -> np.ndarray:
+    """Return the velocity, (n,), at which friction jumps: with presliding, as it slips in that direction."""
+    direction = _presliding_direction(motion)
+    if direction is None:
+        return _slip_velocity(motion)
+    return np.copysign(np.maximum(np.abs(motion.velocity), MIN_SLIP_SPEED), direction)
+
+
+def _given_way(jumps: np.ndarray, motion: FilteredMotion) -> np.ndarray:
+    """Return friction that jumps, (n, k), as far as it has built up along a motion."""
+    direction = _presliding_direction(motion)
+    return jumps if direction is None else np.abs(direction)[:, None] * jumps
+
+
 def _smooth_regressor(motion: FilteredMotion) -> np.ndarray:
     """The regressor of `SMOOTH_TERMS`, (n, 7), kept with a motion that is not long: it depends on no parameter."""
-    if len(motion.position) > MAX_CACHED_SAMPLES:
-        return regressor(motion.position, motion.velocity, motion.acceleration, SMOOTH_TERMS)
-    kept = vars(motion)
-    if "_smooth_regressor" not in kept:
-        kept["_smooth_regressor"] = regressor(motion.position, motion.velocity, motion.acceleration, SMOOTH_TERMS)
-    return kept["_smooth_regressor"]
+    kept = _smooth_kept(motion)
+    if "smooth_regressor" in kept:
+        return kept["smooth_regressor"]
+    made = regressor(motion.position, motion.velocity, motion.acceleration, SMOOTH_TERMS)
+    if len(motion.position) <= MAX_CACHED_SAMPLES:
+        kept["smooth_regressor"] = made
+    return made

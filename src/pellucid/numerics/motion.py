@@ -28,6 +28,7 @@ import numpy as np
 
 from .. import _core
 from .._errors import PellucidError, RecordingError
+from ..models.filtered_dynamics import share_smooth_regressor
 from .filters import central_difference, decimate, decimation_memory, lowpass_memory, zero_phase_lowpass
 
 
@@ -215,7 +216,9 @@ def with_friction_direction(motion: Motion, share: float = 1.0, travel: float = 
         return motion
     filtering = replace(motion.filtering, direction_share=share, presliding_travel=travel)
     slip, direction = friction_signals(motion.raw_position, motion.velocity, motion.fs, filtering)
-    return replace(motion, filtering=filtering, slip_velocity=slip, direction=direction)
+    made = replace(motion, filtering=filtering, slip_velocity=slip, direction=direction)
+    share_smooth_regressor(motion, made)
+    return made
 
 
 SETTLING_PERIODS = 2.0

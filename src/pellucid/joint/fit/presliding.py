@@ -20,7 +20,7 @@ regressions exclude, are all included, because they show the travel.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,6 +60,10 @@ class PreslidingSearch:
 PRESLIDING_SEARCH = PreslidingSearch()
 
 
+TRAVELS_AT_ONCE = 8
+"""Number of travels whose friction is filtered at a time, in about the time of one."""
+
+
 ALWAYS_FREE_TERMS = frozenset({"inertia", "offset", "viscous_positive", "viscous_negative"})
 """Terms of the smooth dynamics that are free in every fit."""
 
@@ -86,11 +90,12 @@ class _Stroke:
     target: np.ndarray  # effort without the payload's, (m,)
     levels: np.ndarray  # terms of the friction level, (n, 1 to 3): 1, |y|, the rise towards rest
 
-    def at(self, travel: float) -> np.ndarray:
-        """Return the regressor, (m, k + 1 to 3), for a `travel`; friction slips at once if it is 0."""
+    def at(self, travels: Sequence[float]) -> list[np.ndarray]:
+        """Return the regressor, (m, k + 1 to 3), for each of a few `travels`; friction slips at once if one is 0."""
         m = self.motion
-        direction = _core.presliding(travel, m.position) if travel else np.sign(m.velocity)
-        return np.column_stack([self.fixed, m.rows(m.smooth(direction[:, None] * self.levels))])
+        directions = [_core.presliding(travel, m.position) if travel else np.sign(m.velocity) for travel in travels]
+        levels = m.rows(m.smooth(np.hstack([direction[:, None] * self.levels for direction in directions])))
+        return [np.hstack([self.fixed, own]) for own in np.split(levels, len(travels), axis=1)]
 
 
 def with_slow_samples(motion: Motion) -> Motion:
@@ -139,28 +144,31 @@ def estimate_presliding(
     grid = np.geomspace(bottom, top, int(np.ceil(PRESLIDING_SEARCH.grid_steps_per_decade * np.log10(top / bottom))) + 1)
     fewest, most = strokes[0].fixed.shape[1] + 1, strokes[0].fixed.shape[1] + strokes[0].levels.shape[1]
     profiles: dict[int, list[np.ndarray]] = {terms: [] for terms in range(fewest, most + 1)}
-    for travel in grid:
-        jacobian, target = _regression(strokes, travel)
-        for terms, profile_of_terms in profiles.items():
-            some = jacobian[:, :terms]
-            profile_of_terms.append(np.square(target - some @ _least_squares(some, target, terms - fewest + 1)))
+    target = np.concatenate([s.target for s in strokes])
+    for first in range(0, len(grid), TRAVELS_AT_ONCE):
+        for jacobian in _regressors(strokes, grid[first : first + TRAVELS_AT_ONCE]):
+            for terms, profile_of_terms in profiles.items():
+                some = jacobian[:, :terms]
+                profile_of_terms.append(np.square(target - some @ _least_squares(some, target, terms - fewest + 1)))
     profile = np.array(profiles[most])
     starts, ends = _block_starts(strokes), np.cumsum([len(s.target) for s in strokes])[:-1]
     sums = np.add.reduceat(profile, starts, axis=1)
-    found, nearest = _grid_minimum(grid, sums.sum(axis=1)), int(np.argmin(sums.sum(axis=1)))
-    simpler = [_grid_minimum(grid, np.sum(each, axis=1)) for each in profiles.values()]
+    found, nearest = float(_grid_minimum(grid, sums.sum(axis=1))), int(np.argmin(sums.sum(axis=1)))
+    simpler = [float(_grid_minimum(grid, np.sum(each, axis=1))) for each in profiles.values()]
     drawn = np.random.default_rng(PRESLIDING_SEARCH.bootstrap_seed).multinomial(
         len(starts), np.full(len(starts), 1.0 / len(starts)), PRESLIDING_SEARCH.bootstrap_draw_count
     )
-    draws = [_grid_minimum(grid, sums @ count) for count in drawn]
+    draws = _grid_minimum(grid, sums @ drawn.T)
     low, high = (float(x) for x in np.quantile(draws, [0.5 - 0.5 * level, 0.5 + 0.5 * level]))
     # The alternative is the better of two models that slip at once. The first takes the sign of velocity, the second
     # that of the last displacement, which standstill keeps.
     others = [_make_stroke(model, values, m) for m in held]
+    every, compared = (*others, *strokes), (0.0, float(grid[0]), found)
+    regressors = zip(*(s.at(compared) for s in every), strict=True)  # of each stroke, by the travel
     losses = []
-    for travel in (0.0, float(grid[0]), found):
-        solved = _least_squares(*_regression(strokes, travel), most - fewest + 1)
-        losses.append([np.square(s.target - s.at(travel) @ solved) for s in (*others, *strokes)])
+    for each in regressors:
+        solved = _least_squares(np.concatenate(each[len(others) :]), target, most - fewest + 1)
+        losses.append([np.square(s.target - w @ solved) for s, w in zip(every, each, strict=True)])
     judged = len(others) or len(strokes)
     *slipping, best = losses
     none = min(slipping, key=lambda loss: _mean_loss(loss[:judged]))
@@ -221,9 +229,9 @@ def _nonlinear_speed_columns(model: JointModel, motion: Motion) -> np.ndarray:
     return np.hstack(columns)
 
 
-def _regression(strokes: Sequence[_Stroke], travel: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the regressor and the target of all strokes for a `travel`."""
-    return np.concatenate([s.at(travel) for s in strokes]), np.concatenate([s.target for s in strokes])
+def _regressors(strokes: Sequence[_Stroke], travels: Sequence[float]) -> Iterator[np.ndarray]:
+    """Yield the regressor of all strokes for each of a few `travels`."""
+    return map(np.concatenate, zip(*(s.at(travels) for s in strokes), strict=True))
 
 
 def _least_squares(jacobian: np.ndarray, target: np.ndarray, levels: int) -> np.ndarray:
@@ -260,12 +268,12 @@ def _block_starts(strokes: Sequence[_Stroke]) -> np.ndarray:
     return np.concatenate(starts)
 
 
-def _grid_minimum(grid: np.ndarray, loss: np.ndarray) -> float:
-    """Return the minimum of a loss, (k,), over a geometric grid, refined by a parabola unless it is at an end."""
-    i = int(np.argmin(loss))
-    if i in (0, len(grid) - 1):
-        return float(grid[i])
-    below, at, above = loss[i - 1 : i + 2]
+def _grid_minimum(grid: np.ndarray, loss: np.ndarray) -> np.ndarray:
+    """Return the minimum of each loss, (k,) or (k, r), over a geometric grid, by a parabola unless it is at an end."""
+    i = np.argmin(loss, axis=0)
+    middle = np.clip(i, 1, len(grid) - 2)
+    below, at, above = (np.take_along_axis(loss, np.expand_dims(middle + k, 0), 0)[0] for k in (-1, 0, 1))
     bend = below - 2.0 * at + above
-    shift = 0.5 * (below - above) / bend if bend > 0.0 else 0.0
-    return float(grid[i] * (grid[i + 1] / grid[i]) ** shift)
+    bends = (i == middle) & (bend > 0.0)
+    shift = np.where(bends, 0.5 * (below - above) / np.where(bends, bend, 1.0), 0.0)
+    return grid[i] * (grid[middle + 1] / grid[middle]) ** shift

@@ -21,7 +21,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...numerics.motion import Motion, require_fitted, with_friction_direction
-from ...numerics.regression import stack
+from ...numerics.regression import Stack, stack
 from .friction_solver import cross_validated_residuals, solve_family
 from .presliding import PRESLIDING_SEARCH, position_resolution
 
@@ -75,9 +75,9 @@ def choose_direction(
     farthest = MAX_TRAVEL_RANGE_SHARE * span
     travels = np.geomspace(least, farthest, TRAVEL_COUNT).tolist() if least < farthest else []
     tried = [(share, 0.0) for share in shares] + [(min(4.0, shares[-1]), travel) for travel in travels]
-    errors = []
+    errors, targets = [], stack(motions).targets
     for share, travel in tried:
-        data = stack([with_friction_direction(m, share, travel) for m in motions])
+        data = Stack(tuple(with_friction_direction(m, share, travel) for m in motions), targets)
         try:
             crossed = [cross_validated_residuals(solve_family(model, data), data.lengths) for model in models]
         except IdentificationError:
