@@ -114,13 +114,19 @@ def plain_numbers(fields: Sequence[str]) -> np.ndarray | None:
         return None
 
 
+USUAL_EVIDENCE_ROWS = 1000
+"""Number of first rows that are searched for the decimal mark before all others are."""
+
+
 def may_hold_thousands(columns: Iterable[np.ndarray]) -> bool:
     """Return whether numbers read with a decimal point, each column (n,), may have points between thousands.
 
     They may not if one of them lies between 0 and 1, or has more than three decimals.
     """
     found = False
-    for column in columns:
+    columns = [column for column in columns if not np.array_equal(column, np.rint(column))]
+    # Most files show it in their first rows.
+    for column in (*(column[:USUAL_EVIDENCE_ROWS] for column in columns), *columns):
         known = column[np.isfinite(column)]
         if np.any((known != 0.0) & (np.abs(known) < 1.0)):
             return False

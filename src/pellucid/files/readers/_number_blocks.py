@@ -23,13 +23,16 @@ MIN_ARROW_FILE_BYTES = 400_000
 BLOCK_BYTES = 1 << 19
 """Size of the blocks in which a file is read, so that its text takes little memory compared with its numbers."""
 
+USUAL_HEADER_LETTERS = 20_000
+"""The lines above the rows are looked for in this many letters first, then in the whole block."""
+
 MISSING_WORDS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "missing")
 """Words that mean a missing sample, in lower case."""
 
 _COMMENT_MARKS = ("#", "%", "//", "!")
 _JAPANESE_BYTES = re.compile(rb"(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
 _ENCODINGS = ("cp932", "gb18030", "cp949", "big5", "euc_jp", "cp1251")
-_OTHER_LINE = re.compile(r"^[\s\ufeff]*?(?:$|[#%!]|//)", re.MULTILINE)
+_OTHER_LINE = re.compile(r"\n(?![^\s\ufeff#%!/])[\s\ufeff]*?(?:$|[#%!]|//)", re.MULTILINE)
 _ARROW_MISSING_WORDS = ["NaN", *(spell(word) for word in MISSING_WORDS for spell in (str, str.upper, str.title))]
 
 
@@ -90,7 +93,8 @@ def is_comment(line: str) -> bool:
 def data_lines(lines: Sequence[str], before: int = 0) -> list[tuple[int, str]]:
     """Return the lines that are neither empty nor comments, each with its number; `before` lines came before them."""
     numbered = enumerate(lines, before + 1)
-    if _OTHER_LINE.search("\n".join(lines)) is None:
+    # A search for line ends is faster than one that tries each place.
+    if _OTHER_LINE.search("\n" + "\n".join(lines)) is None:
         return list(numbered)
     # A byte order mark may stand within a file that was put together.
     return [(i, line) for i, line in numbered if line.strip("\ufeff \t\r\n") and not is_comment(line)]
@@ -109,8 +113,12 @@ def read_numbers(
     for block in line_blocks(file, end):
         read += len(block)
         if skipped:
-            lines = text_of(block).splitlines(keepends=True)
-            block = "".join(lines[skipped:]).encode()
+            text = text_of(block)
+            # The last of the lines in a part of the text may go on.
+            lines = text[:USUAL_HEADER_LETTERS].splitlines(keepends=True)[:-1]
+            if len(lines) < skipped:
+                lines = text.splitlines(keepends=True)
+            block = text[sum(map(len, lines[:skipped])) :].encode()
             skipped = max(skipped - len(lines), 0)
         found = _arrow_numbers(block, width, delimiter, decimal) if arrow and delimiter is not None else None
         if found is None:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -398,11 +399,11 @@ def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> 
         raise RecordingError(f"{path.name}: found no row of data, expected rows of numbers below a header")
     require_narrow_lines(path, (line for _, line in lines[:20]))
     delimiter = delimiter or _delimiter(_body([line for _, line in lines]))
-    split = [_split(line, delimiter) for _, line in lines[:MAX_HEADER_LINES]]
-    first = _first_row(split)
+    split = [_split(line, delimiter) for _, line in lines[: MAX_HEADER_LINES + MAX_SAMPLED_ROWS]]
+    first = _first_row(split[:MAX_HEADER_LINES])
     if first is None:
         raise RecordingError(f'{path.name}: found no row of numbers; the first line is "{lines[0][1][:60]}"')
-    header = _header(lines[:first], split[:first], comments, split[first:], delimiter)
+    header = _header(lines[:first], split[:first], comments, split[first:MAX_HEADER_LINES], delimiter)
     names = header.names or (_joint_state_names(split[first:]) if not comments and first == 0 else None)
     if names is None and (numbers := _numbered_names(split[first : first + 2])):
         names, first = numbers, first + 1
@@ -411,7 +412,7 @@ def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> 
         delimiter,
         skipped=lines[first][0] - 1,
         width=len(split[first]),
-        decimal=_certain_mark([_split(line, delimiter) for _, line in lines[first : first + MAX_SAMPLED_ROWS]]),
+        decimal=_certain_mark(split[first : first + MAX_SAMPLED_ROWS]),
         header=names,
         unit_texts=header.units,
         above=[*comments, *above],
@@ -656,12 +657,14 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 
 def _number(text: str) -> float | None:
     """Return a number that a field may be, NaN for a missing one; None if it is a word with any decimal mark."""
-    return next((x for mark in ".," if (x := _marked_number(text, mark)) is not None), None)
+    try:
+        return float(text)  # as below, for the many fields that are plain numbers
+    except ValueError:
+        return next((x for mark in ".," if (x := _marked_number(text, mark)) is not None), None)
 
 
 def _is_data(fields: list[str]) -> bool:
-    numbers = [_number(f) for f in fields]
-    return any(n is not None and not np.isnan(n) for n in numbers)
+    return any((n := _number(f)) is not None and not math.isnan(n) for f in fields)
 
 
 def _first_row(lines: list[list[str]]) -> int | None:
