@@ -5,6 +5,7 @@ import pytest
 
 from pellucid._errors import IdentificationError, RecordingError, StudyError
 from pellucid.files.cut import Cut, sound_samples, spans_between
+from pellucid.files.defects.spikes import _high_quantile
 from pellucid.joint.study.aligned_motions import aligned_motions
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, identify
@@ -189,3 +190,11 @@ def test_a_held_out_recording_without_a_usable_stretch_is_named_and_refuses_noth
     for name in ("inertia", "gravity", "coulomb"):
         assert found[name].value == alone[name].value
     assert any("it is held out, and is excluded" in verdict.text for verdict in found.verdicts)
+
+
+@pytest.mark.parametrize("n", [48, 1999, 2000, 50_001])
+def test_a_high_quantile_is_numpys(n):
+    rng = np.random.default_rng(n)
+    draws = rng.exponential(size=n)
+    for values in (draws, np.round(draws), np.zeros(n), np.sort(rng.normal(size=n))):
+        assert _high_quantile(values, 0.99) == np.quantile(values, 0.99)
