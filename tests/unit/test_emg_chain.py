@@ -189,6 +189,21 @@ def test_what_lies_beyond_a_missing_sample_is_not_seen_by_a_part():
     assert chain.zero_phase(raw, FS, inside=slice(6000, 12000)).max() == 1.0
 
 
+@pytest.mark.parametrize("name", EMG_CHAINS)
+def test_several_muscles_are_filtered_as_one(name):
+    raw, chain, inside = broken_effort(8.0), EMG_CHAINS[name], slice(6000, 12000)
+    holed = raw[::-1].copy()
+    holed[5900] = np.nan
+    muscles = {"emg.biceps": raw, "emg.triceps": holed, "emg.brachialis": np.roll(raw, 500)}
+    made = chain.zero_phase_each(muscles, FS, inside)
+    assert [*made] == [*muscles]
+    for muscle, x in muscles.items():
+        alone = chain.zero_phase(x, FS, inside=inside)
+        np.testing.assert_allclose(made[muscle], alone, rtol=0.0, atol=1e-12 * alone.max())
+    with pytest.raises(RecordingError, match=r"emg.triceps: .* found 1 missing samples"):
+        chain.zero_phase_each(muscles, FS, slice(5000, 8000))
+
+
 @pytest.mark.parametrize("name", ["knee", "hill"])
 def test_where_a_file_ends_envelopes_err_by_little(name):
     """Files of two seconds against the same seconds of a recording that goes on."""

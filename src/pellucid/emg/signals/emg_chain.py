@@ -18,7 +18,9 @@ EMG over an array to envelopes, by one of the published chains.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import scipy
@@ -27,6 +29,7 @@ from numpy.typing import ArrayLike
 from ... import _core
 from ..._errors import RecordingError
 from ...numerics.arguments import with_checked_arguments
+from ...numerics.low_pass import settled
 
 
 @dataclass(frozen=True)
@@ -101,16 +104,21 @@ class Stage:
 
     def sections(self, fs: float) -> np.ndarray:
         """Second-order sections at a rate of `fs` [Hz]; shape (k, 6), none for what is no filter."""
-        if self.kind == "notch":
-            return scipy.signal.tf2sos(*scipy.signal.iirnotch(self.cutoff[0], self.quality, fs=fs))
-        if self.kind in FILTER_STAGES:
-            edges = self.cutoff if self.kind == "bandpass" else self.cutoff[0]
-            return scipy.signal.butter(self.order, edges, self.kind, fs=fs, output="sos")
-        return np.empty((0, 6))
+        return _sections(self, fs).copy()
 
     def settling(self, fs: float) -> int:
         """Samples at `fs` [Hz] until the filter's impulse response has settled, by its slowest pole; 0 of no filter."""
         return settling_samples(self.sections(fs))
+
+
+@lru_cache(maxsize=64)
+def _sections(stage: Stage, fs: float) -> np.ndarray:
+    if stage.kind == "notch":
+        return scipy.signal.tf2sos(*scipy.signal.iirnotch(stage.cutoff[0], stage.quality, fs=fs))
+    if stage.kind in FILTER_STAGES:
+        edges = stage.cutoff if stage.kind == "bandpass" else stage.cutoff[0]
+        return scipy.signal.butter(stage.order, edges, stage.kind, fs=fs, output="sos")
+    return np.empty((0, 6))
 
 
 @dataclass(frozen=True)
@@ -165,53 +173,77 @@ class EmgChain:
     ) -> np.ndarray:
         """Envelope for analysis: every filter runs forwards and backwards, so that nothing is late. `samples` (n,)
         [V]; `fs` [Hz]; gives (n,), or the part `inside`, filtered with what lies around it."""
-        return self._of_part(samples, fs, maximum, inside, causal=False)
+        return self._of_part([samples], fs, maximum, inside, causal=False)[0]
+
+    def zero_phase_each(self, samples: Mapping[str, np.ndarray], fs: float, inside: slice) -> dict[str, np.ndarray]:
+        """Return `zero_phase` of the part `inside` of each signal, (n,), by name; together they take less time."""
+        self.require_rate(fs)
+        reach, made = self.settling(fs), {}
+        groups: dict[tuple[int, int], list[str]] = {}
+        for name, x in samples.items():
+            try:
+                self._checked(x[inside], fs)
+            except RecordingError as error:
+                raise RecordingError(f"{name}: {error}") from None
+            part = with_surroundings(x, inside, reach)
+            groups.setdefault((part.start, part.stop), []).append(name)
+        for names in groups.values():
+            found = self._of_part([samples[name] for name in names], fs, None, inside, causal=False)
+            made |= zip(names, found, strict=True)
+        return {name: made[name] for name in samples}
 
     def causal(
         self, samples: np.ndarray, fs: float, *, maximum: float | None = None, inside: slice | None = None
     ) -> np.ndarray:
         """Envelope as it is had in real time: late by what `delay` says, from filters at rest. `samples` (n,) [V];
         `fs` [Hz]; gives (n,), or the part `inside`, filtered with what comes before it."""
-        return self._of_part(samples, fs, maximum, inside, causal=True)
+        return self._of_part([samples], fs, maximum, inside, causal=True)[0]
 
     def _of_part(
-        self, samples: np.ndarray, fs: float, maximum: float | None, inside: slice | None, *, causal: bool
-    ) -> np.ndarray:
+        self, rows: list[np.ndarray], fs: float, maximum: float | None, inside: slice | None, *, causal: bool
+    ) -> list[np.ndarray]:
+        """Filter signals, (n,) each, or their part `inside`, around which they lack the same samples."""
         if inside is None:
-            return self._run(self._checked(samples, fs), fs, maximum, causal=causal)
+            return self._run([self._checked(x, fs) for x in rows], fs, maximum, causal=causal)
         self.require_rate(fs)
-        part = with_surroundings(samples, inside, self.settling(fs), later=not causal)
-        x = self._checked(samples[part], fs)
+        part = with_surroundings(rows[0], inside, self.settling(fs), later=not causal)
+        rows = [self._checked(x[part], fs) for x in rows]
         own = slice(inside.start - part.start, inside.stop - part.start)
         if maximum is not None or causal or not any(stage.kind == "normalise" for stage in self.stages):
-            return self._run(x, fs, maximum, causal=causal)[own]
+            return [x[own] for x in self._run(rows, fs, maximum, causal=causal)]
         # The largest value is that of the part itself.
-        made = self._run(x, fs, 1.0, causal=False)[own]
-        return self._plain(Stage("normalise"), made, fs, None, causal=False)
+        made = self._run(rows, fs, 1.0, causal=False)
+        return [self._plain(Stage("normalise"), x[own], fs, None, causal=False) for x in made]
 
-    def _run(self, x: np.ndarray, fs: float, maximum: float | None, *, causal: bool) -> np.ndarray:
-        """Pass samples, (n,), through all stages: filters forwards, and backwards too if not `causal`."""
+    def _run(self, rows: list[np.ndarray], fs: float, maximum: float | None, *, causal: bool) -> list[np.ndarray]:
+        """Pass signals, (n,), through all stages: filters forwards, and backwards too if not `causal`."""
         rectified = False
         for stage in self.stages:
             rectified = rectified or stage.kind == "rectify"
             if stage.kind not in FILTER_STAGES:
-                x = self._plain(stage, x, fs, maximum, causal=causal)
+                rows = [self._plain(stage, x, fs, maximum, causal=causal) for x in rows]
                 continue
-            x = scipy.signal.sosfilt(stage.sections(fs), x) if causal else self._both_ways(stage, x, fs, rectified)
-            x = np.maximum(x, 0.0) if rectified else x
-        return x
+            rows = (
+                [scipy.signal.sosfilt(stage.sections(fs), x) for x in rows]
+                if causal
+                else self._both_ways(stage, rows, fs, rectified)
+            )
+            rows = [np.maximum(x, 0.0) for x in rows] if rectified else rows
+        return rows
 
-    def _both_ways(self, stage: Stage, x: np.ndarray, fs: float, rectified: bool) -> np.ndarray:
-        """Filter samples, (n,), forwards and backwards, mirrored at both ends for as long as the filter settles."""
+    def _both_ways(self, stage: Stage, rows: list[np.ndarray], fs: float, rectified: bool) -> list[np.ndarray]:
+        """Filter signals, (n,), forwards and backwards, mirrored at both ends for as long as the filter settles."""
         sos = stage.sections(fs)
         fewest = 3 * (2 * len(sos) + 1)
-        if len(x) <= fewest:
+        if len(rows[0]) <= fewest:
             raise RecordingError(
-                f"EMG chain {self.name}: found {len(x)} samples, expected more than {fewest} for the "
+                f"EMG chain {self.name}: found {len(rows[0])} samples, expected more than {fewest} for the "
                 f"{stage.kind} of order {stage.order} run both ways"
             )
-        padding = min(stage.settling(fs), len(x) - 1)
-        return scipy.signal.sosfiltfilt(sos, x, padtype="even" if rectified else "odd", padlen=padding)
+        padding = min(stage.settling(fs), len(rows[0]) - 1)
+        if rectified:
+            return [scipy.signal.sosfiltfilt(sos, x, padtype="even", padlen=padding) for x in rows]
+        return [*np.ascontiguousarray(_core.zero_phase(sos, settled(sos), np.column_stack(rows), padding).T)]
 
     def stream(self, fs: float, *, maximum: float | None = None) -> EmgStream:
         """The causal chain for samples that come one after another. `fs` [Hz]."""
