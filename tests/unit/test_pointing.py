@@ -10,7 +10,7 @@ import pytest
 from pellucid._errors import RecordingError
 from pellucid.files.optical import OpticalRecording
 from pellucid.files.recording import Channel, Recording
-from pellucid.people.emg_index import emg_lead
+from pellucid.people.emg_index import emg_and_motion, emg_lead
 from pellucid.people.movements import MovementRule, kinematics
 from pellucid.people.study.assessment_table import AssessmentTable as Assessment
 from pellucid.people.study.measured_study import measure
@@ -137,7 +137,7 @@ def test_the_clocks_of_emg_and_motion_are_compared(late):
     motion = kinematics(time, angle, MovementRule())
     raw = made_pointing.emg(rng, 1000.0, truth, time[-1], "Ctrl")
     at = np.arange(len(raw)) / 1000.0 + late
-    found = emg_lead(at, np.abs(raw).sum(axis=1), motion)
+    found = emg_lead(*emg_and_motion(at, np.abs(raw).sum(axis=1), motion))
     assert found.lead == pytest.approx(0.1 - late, abs=0.1)
     assert found.plausible == (late == 0.0)
 
@@ -147,5 +147,6 @@ def test_emg_that_says_nothing_is_not_accused():
     time, angle, _, _ = made_pointing.angle_and_target(rng, 200.0, "Ctrl", 1.0, 1)
     at = np.arange(int(time[-1] * 1000.0)) / 1000.0
     noise = np.abs(rng.standard_normal(len(at)))
-    assert emg_lead(at, noise, kinematics(time, angle, MovementRule())).plausible
-    assert emg_lead(at + 1000.0, noise, kinematics(time, angle, MovementRule())) is None
+    motion = kinematics(time, angle, MovementRule())
+    assert emg_lead(*emg_and_motion(at, noise, motion)).plausible
+    assert emg_and_motion(at + 1000.0, noise, motion) is None

@@ -118,8 +118,10 @@ def anti_aliased(samples: np.ndarray, factor: int) -> np.ndarray:
 
 def runs(mask: np.ndarray) -> list[slice]:
     """Stretches of consecutive True samples, as slices, in order. `mask` (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
-    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    padded = np.zeros(len(mask) + 2, bool)
+    padded[1:-1] = mask
+    edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
+    return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def lowpass_memory(order: int, cutoff: float, fs: float) -> int:

@@ -29,7 +29,7 @@ def tie_groups(values: np.ndarray, scale: float | None = None, axis: int = -1) -
     values = np.moveaxis(np.asarray(values, float), axis, -1)
     sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
     own = np.max(sizes, axis=-1, keepdims=True, initial=0.0) if scale is None else scale
-    order = np.argsort(values, axis=-1, kind="stable")
+    order = np.argsort(values, axis=-1)
     with np.errstate(invalid="ignore"):  # infinite values are tied with each other
         apart = np.diff(np.take_along_axis(values, order, axis=-1), axis=-1) > TIE_TOLERANCE * own
     groups = np.zeros(values.shape, int)
@@ -41,7 +41,10 @@ def tie_groups(values: np.ndarray, scale: float | None = None, axis: int = -1) -
 
 def tied_ranks(values: np.ndarray, scale: float | None = None, axis: int = -1) -> np.ndarray:
     """Return the ranks of `values` along an axis, from 1; ties share their mean rank. `scale` as in `tie_groups`."""
-    return rankdata(tie_groups(values, scale, axis), axis=axis)
+    groups = tie_groups(values, scale, axis)
+    # Without a tie the groups of each row are 0 to n - 1.
+    untied = groups.size and np.all(groups.max(axis=axis) == groups.shape[axis] - 1)
+    return groups + 1.0 if untied else rankdata(groups, axis=axis)
 
 
 def tied_signs(differences: np.ndarray, scale: float | None = None) -> np.ndarray:

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy import signal, stats
+from scipy import fft, stats
 
 from .._errors import RecordingError
 from ..numerics.filters import zero_phase_lowpass
@@ -54,31 +54,32 @@ class Activity:
     def levels(
         self, muscles: Sequence[str], maxima: Mapping[str, float], start: np.ndarray, end: np.ndarray
     ) -> np.ndarray:
-        """Return the mean over `muscles` of the RMS activity from `start` to `end` (k,) [s], relative to the `maxima`.
+        """Return the RMS activity of g `muscles` from `start` to `end` (k,) [s], relative to the `maxima`.
 
-        The values, (k,), are NaN outside the record.
+        The values, (g, k), are NaN outside the record.
         """
         first, last = np.searchsorted(self.time, start), np.searchsorted(self.time, end)
         outside = (start < self.time[0]) | (end > self.time[-1]) | (last - first < 2)
-        return np.where(outside, np.nan, self._mean_level(muscles, maxima, first, last))
+        return np.where(outside, np.nan, self._levels_between(muscles, maxima, first, last))
 
     def envelope(self, muscles: Sequence[str], maxima: Mapping[str, float], at: np.ndarray, width: float) -> np.ndarray:
         """Return the level in a window of a `width` [s] about each time `at`, (k,) [s]; (k,), NaN outside the record.
 
-        The level is that of `levels`.
+        The level is the mean of `levels` over the muscles.
         """
         first, last = (np.searchsorted(self.time, at + side * 0.5 * width) for side in (-1.0, 1.0))
         inside = (at - 0.5 * width >= self.time[0]) & (at + 0.5 * width <= self.time[-1]) & (last - first >= 2)
-        return np.where(inside, self._mean_level(muscles, maxima, first, last), np.nan)
+        return np.where(inside, np.mean(self._levels_between(muscles, maxima, first, last), axis=0), np.nan)
 
-    def _mean_level(
+    def _levels_between(
         self, muscles: Sequence[str], maxima: Mapping[str, float], first: np.ndarray, last: np.ndarray
     ) -> np.ndarray:
-        """Return the mean level of stretches from their `first` sample to before their `last` one, (k,)."""
-        count = np.maximum(last - first, 1)
-        squares = ((self.sums[m][last] - self.sums[m][first]) / count for m in muscles)
-        levels = [np.sqrt(np.maximum(s, 0.0)) / maxima[m] for m, s in zip(muscles, squares, strict=True)]
-        return np.mean(levels, axis=0)
+        """Return the levels of stretches from their `first` sample to before their `last` one, (g, k)."""
+        count, levels = np.maximum(last - first, 1), []
+        for muscle in muscles:
+            sums = self.sums[muscle]  # may be read from a file
+            levels.append(np.sqrt(np.maximum((sums[last] - sums[first]) / count, 0.0)) / maxima[muscle])
+        return np.array(levels)
 
 
 def maxima(activities: Sequence[Activity]) -> dict[str, float]:
@@ -264,12 +265,8 @@ class EmgDrift:
         return abs(self.drift) > beyond and abs(self.total) > EMG_CLOCK.min_total_drift_s
 
 
-def emg_lead(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> EmgLead | None:
-    """Compare activity with what it is there for: weight, speed and acceleration. `time` (m,) [s]; `activity` (m,)."""
-    both = _compared(time, activity, motion)
-    if both is None:
-        return None
-    x, y = both
+def emg_lead(x: np.ndarray, y: np.ndarray) -> EmgLead:
+    """Compare activity with what it is there for; `x` (n, g) and `y` (n, 5) of `emg_and_motion`."""
     longest = int(min(EMG_CLOCK.max_searched_lead_s, 0.25 * len(x) / COMPARISON_RATE_HZ) * COMPARISON_RATE_HZ)
     scores = np.sqrt(_explained(x, y, longest))
     leads = np.arange(-longest, longest + 1) / COMPARISON_RATE_HZ
@@ -285,16 +282,14 @@ def emg_lead(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> EmgL
     return EmgLead(float(leads[best]), float(scores[best]), not elsewhere)
 
 
-def emg_drift(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> EmgDrift | None:
-    """How fast the lead of activity over the motion changes.
+def emg_drift(x: np.ndarray, y: np.ndarray) -> EmgDrift | None:
+    """How fast the lead of activity over the motion changes; `x` (n, g) and `y` (n, 5) of `emg_and_motion`.
 
     What motion explains in short parts, each at its own lag, is added up along straight lines over time; the line with
     the largest sum is made finer by the best lag of every part next to it.
     """
-    both = _compared(time, activity, motion)
-    if both is None or len(both[0]) < 120.0 * COMPARISON_RATE_HZ:
+    if len(x) < 120.0 * COMPARISON_RATE_HZ:
         return None
-    x, y = both
     count = int(min(len(x) / COMPARISON_RATE_HZ / EMG_CLOCK.part_length_s, 24))
     edges = np.linspace(0, len(x), count + 1).astype(int)
     longest = int(EMG_CLOCK.max_searched_lead_s * COMPARISON_RATE_HZ)
@@ -324,8 +319,11 @@ def emg_drift(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> Emg
     return EmgDrift(slope, error, seconds, len(t))
 
 
-def _compared(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> tuple[np.ndarray, np.ndarray] | None:
-    """Envelopes, shape (n, g), and what moves them, shape (n, 5), at `COMPARISON_RATE_HZ` and without what is slow."""
+def emg_and_motion(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return envelopes, (n, g), and what they are there for, weight, speed and acceleration, (n, 5), in equal steps.
+
+    Both are without what is slow. `time` (m,) [s]; `activity` (m,) or (m, g). None where they cannot be compared.
+    """
     low = max(time[0], motion.time[0])
     high = min(time[-1], motion.time[-1])
     if high - low < 10.0:
@@ -336,9 +334,9 @@ def _compared(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> tup
     # Thinned by block means first: an envelope needs no anti-aliasing sharper than that.
     block = max(int(fs / 200.0), 1)
     n = len(activity) // block * block
-    thin = activity[:n].reshape(-1, block, activity.shape[1]).mean(axis=1)
+    thin = sum(activity[i:n:block] for i in range(1, block)) + activity[:n:block]
     at = time[:n].reshape(-1, block).mean(axis=1)
-    envelopes = [np.interp(even, at, zero_phase_lowpass(each, 6.0, 2, fs / block)) for each in thin.T]
+    envelopes = [np.interp(even, at, each) for each in zero_phase_lowpass(thin / block, 6.0, 2, fs / block).T]
     angle, velocity, acceleration = (
         np.interp(even, motion.time, each) for each in (motion.angle, motion.velocity, motion.acceleration)
     )
@@ -353,13 +351,13 @@ def _explained(x: np.ndarray, y: np.ndarray, longest: int) -> np.ndarray:
 
     Both have hardly a mean once what is slow is gone: one product of spectra gives all lags of a covariance.
     """
-    overlap = len(x) - np.abs(np.arange(-longest, longest + 1))
-    inverse = np.linalg.inv(y.T @ y / len(y))
+    lags = np.arange(-longest, longest + 1)
+    inverse, size = np.linalg.inv(y.T @ y / len(y)), fft.next_fast_len(len(x) + longest, real=True)
+    causes, envelopes = fft.rfft(y.T, size), fft.rfft(x.T, size)
     shares = []
-    for envelope in x.T:
-        products = [signal.correlate(cause, envelope, method="fft") for cause in y.T]
-        c = np.array([each[len(x) - 1 - longest : len(x) + longest] for each in products]) / overlap
-        shares.append(np.einsum("il,ij,jl->l", c, inverse, c) / np.var(envelope))
+    for envelope, own in zip(envelopes, x.T, strict=True):
+        c = fft.irfft(causes * envelope.conj(), size)[:, lags] / (len(x) - np.abs(lags))
+        shares.append(np.sum(c * (inverse @ c), axis=0) / np.var(own))
     return np.mean(shares, axis=0)
 
 

@@ -195,6 +195,17 @@ def kinematics(
     padded = np.concatenate(([-np.inf], time[seen], [np.inf]))
     gap = padded[np.minimum(at + 1, len(padded) - 1)] - padded[at]
     lost = (gap > MOVEMENT_BOUNDS.max_bridged_gap_s + 1.5 / fs) & (np.abs(even - padded[at]) > 0.5 / fs)
+    return _filtered(even, filled, lost, fs, unit, rule, where)
+
+
+def with_filter(motion: Kinematics, rule: MovementRule, *, where: str = "") -> Kinematics:
+    """Return a motion with its angle filtered by another rule."""
+    return _filtered(motion.time, motion.unfiltered, motion.lost, motion.fs, motion.unit, rule, where)
+
+
+def _filtered(
+    even: np.ndarray, filled: np.ndarray, lost: np.ndarray, fs: float, unit: str, rule: MovementRule, where: str
+) -> Kinematics:
     try:
         smooth = zero_phase_lowpass(filled, rule.lowpass, rule.order, fs)
     except ValueError as error:
@@ -322,21 +333,25 @@ def _movement(
     low, high = _own_samples(motion, int(low), int(high), direction, following, rule)
     velocity = motion.velocity[low:high]
     speed = tangential_speed(velocity)
-    top = float(np.max(speed, initial=0.0))
+    peak = int(speed.argmax()) if len(speed) else 0
+    top = float(speed[peak]) if len(speed) else 0.0
     if top <= 0.0:
         return NoMovement(stretch, "still", "no motion", "a movement")
-    peak = int(np.argmax(speed))
+    ahead = velocity if velocity[peak] > 0.0 else -velocity
     # A reversal passes through rest, whether or not a sample lies there.
-    ways = np.sign(velocity) * np.sign(velocity[peak])
-    main = next(run for run in runs((speed > rule.threshold * top) & (ways > 0.0)) if run.start <= peak < run.stop)
+    outside = np.flatnonzero((speed <= rule.threshold * top) | (ahead <= 0.0))
+    after = int(outside.searchsorted(peak))
+    main = slice(
+        int(outside[after - 1]) + 1 if after else 0, int(outside[after]) if after < len(outside) else len(speed)
+    )
     seen = speed
     if rule.ends == "all":
-        seen = _without_ringing(speed, ways, main, motion, low, rule)
+        seen = _without_ringing(speed, ahead, main, motion, low, rule)
         first, last = moving_samples(seen, rule.threshold)
     else:
         first, last = main.start, main.stop - 1
-    if motion.lost[low + first : low + last + 1].any():
-        n = int(motion.lost[low + first : low + last + 1].sum())
+    n = int(np.count_nonzero(motion.lost[low + first : low + last + 1]))
+    if n:
         return NoMovement(stretch, "lost", f"{n} missing samples in a movement", "an angle throughout")
     if last - first + 1 < least:
         return NoMovement(stretch, "too_few_samples", f"{last - first + 1} samples", f"at least {least}")
@@ -346,7 +361,7 @@ def _movement(
         found = f"{share:.0f} % of the largest speed at its end"
         return NoMovement(stretch, "unfinished", found, "a rest after it", lasted)
     # A correction backwards is no second movement, however fast it is.
-    second, valley = _rival(np.sign(velocity[peak]) * velocity, peak)
+    second, valley = _rival(ahead, peak)
     if peak in (0, len(speed) - 1):
         return NoMovement(stretch, "no_peak", "the largest speed at its border", "a speed that rises and falls")
     if second > MOVEMENT_BOUNDS.min_rival_peak_share and valley < MOVEMENT_BOUNDS.max_valley_share:
@@ -358,7 +373,7 @@ def _movement(
     travel = direction * (motion.angle[low + last] - motion.angle[low + first])
     later = slice(main.stop, last + 1)
     moves = seen[later] > rule.threshold * top
-    corrections = sum(len(runs(moves & (way * ways[later] > 0.0))) for way in (1.0, -1.0))
+    corrections = sum(len(runs(moves & (way * ahead[later] > 0.0))) for way in (1.0, -1.0)) if moves.any() else 0
     # The braking of a correction backwards is no acceleration of the movement.
     inside = slice(low + first, low + last + 1)
     towards = direction * motion.velocity[inside] > 0.0
@@ -386,20 +401,23 @@ def _movement(
 
 
 def _without_ringing(
-    speed: np.ndarray, ways: np.ndarray, main: slice, motion: Kinematics, low: int, rule: MovementRule
+    speed: np.ndarray, ahead: np.ndarray, main: slice, motion: Kinematics, low: int, rule: MovementRule
 ) -> np.ndarray:
     """Return the speed (n,), set to 0 in motions next to the `main` run that may be ringing of the filter.
 
-    `ways` is 1 in the direction of the main run and -1 against it; `low` is the first of these samples in `motion`.
+    `ahead` is the velocity in the direction of the main run; `low` is the first of these samples in `motion`.
     """
+    top = float(speed[main].max())
+    back = (ahead < 0.0) & (speed > rule.threshold * top)
+    if not back.any():
+        return speed
     fs = motion.fs
     limit = MOVEMENT_BOUNDS.ringing_margin * ringing_share((main.stop - 1 - main.start) / fs * rule.lowpass, rule)
-    top = float(speed[main].max())
     if limit <= rule.threshold:
         return speed
     kept = speed.copy()
     reach = MOVEMENT_BOUNDS.max_ringing_gap_periods / rule.lowpass * fs
-    for run in runs((ways < 0.0) & (speed > rule.threshold * top)):
+    for run in runs(back):
         gap = max(run.start - main.stop, main.start - run.stop)
         slow = gap <= reach and speed[run].max() <= limit * top
         if slow and not _moves_unfiltered(motion, slice(low + run.start, low + run.stop)):
@@ -449,14 +467,15 @@ def _own_samples(
     A motion against `direction` at its beginning ends the movement before. One at its end towards the target of the
     stretch that is `following` begins that movement, if it is fastest after that target came.
     """
-    towards = direction * motion.velocity
-    limit = rule.threshold * float(np.max(towards[low:high]))
-    if -towards[low] > limit > 0.0:
-        low += int(np.argmax(towards[low:high] >= 0.0))
+    towards = direction * motion.velocity[low:high]
+    limit = rule.threshold * float(towards.max())
+    if -towards[0] > limit > 0.0:
+        low += int(np.argmax(towards >= 0.0))
     if following is None or following.amplitude is None or np.sign(following.amplitude) == direction:
         return low, high
-    if not 0 < high < len(towards) or not -towards[high - 1] > limit > 0.0:
+    if not 0 < high < len(motion.velocity) or not -towards[-1] > limit > 0.0:
         return low, high
+    towards = direction * motion.velocity
     stop = high + int(np.argmax(towards[high:] >= 0.0)) if (towards[high:] >= 0.0).any() else len(towards)
     begin = low + int(np.flatnonzero(towards[low:high] >= 0.0)[-1]) + 1
     is_next = stop > high and np.min(towards[high:stop]) < np.min(towards[begin:high])

@@ -475,8 +475,10 @@ def _unreached(
     """Return, by condition, whether somebody's median duration was not reached: in the condition, and in control."""
     found = {}
     for condition in conditions:
+        if condition == control:
+            continue
         bounds = lasting_bounds(whole.lasted, participants, conditions, control, condition, np.subtract)
-        if condition != control and bounds is not None:
+        if bounds is not None:
             found[condition] = bool(np.isinf(bounds[1]).any()), bool(np.isinf(bounds[0]).any())
     return found
 

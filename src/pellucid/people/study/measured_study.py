@@ -29,6 +29,7 @@ from ..emg_index import (
     LABEL_TOLERANCE_RAD,
     MAX_AMPLITUDE_COUNT,
     Activity,
+    emg_and_motion,
     emg_drift,
     emg_lead,
     emg_per_acceleration,
@@ -119,7 +120,7 @@ def emg_on_motions_clock(
         what = f"EMG from {low:.4g} s to {high:.4g} s, movements from {begin:.4g} s to {end:.4g} s"
         return made, fault("refuse", "overlap", what, "both at the same time; check that their clocks agree")
     groups = [
-        np.sum([rectified[m] / made.largest[m] for m in group if made.largest[m] > 0.0], axis=0)
+        sum(rectified[m] / made.largest[m] for m in group if made.largest[m] > 0.0)
         for group in (spec.agonists, spec.antagonists)
         if any(made.largest[m] > 0.0 for m in group)
     ]
@@ -128,7 +129,8 @@ def emg_on_motions_clock(
     total, motion = np.column_stack(groups), record.motion(rule)
     faults: list[Fault] = []
     # The test uses the time of muscle activity itself, without the advance of the index.
-    drift = emg_drift(made.time - spec.advance, total, motion)
+    compared = emg_and_motion(made.time - spec.advance, total, motion)
+    drift = emg_drift(*compared) if compared is not None else None
     if drift is not None and drift.clear:
         what = (
             f"EMG whose lead over the motion changes by {drift.total:.2g} s in {drift.seconds:.3g} s: the clocks drift "
@@ -138,7 +140,8 @@ def emg_on_motions_clock(
             return made, fault("refuse", "drift", what, "the same rate; check for lost samples or a wrong rate")
         faults += fault("note", "drift", what, "one clock; that of the EMG was corrected")
         made = replace(made, time=made.time + drift.drift * (made.time - made.time[0]))
-    seen = emg_lead(made.time - spec.advance, total, motion)
+        compared = emg_and_motion(made.time - spec.advance, total, motion)
+    seen = emg_lead(*compared) if compared is not None else None
     if seen is not None and not seen.plausible:
         what = (
             f"EMG that fits the motion best {abs(seen.lead):.2g} s {'before' if seen.lead > 0 else 'after'} it "
@@ -356,10 +359,10 @@ def _emg_indices(
     start = np.array([movement.start for movement in found])
     end = start + np.array([movement.duration for movement in found])
     levels = made.levels((*spec.agonists, *spec.antagonists), top, start, end)
-    values = [{EMG_LEVEL.of: float(level)} for level in levels]
+    values = [{EMG_LEVEL.of: level} for level in levels.mean(axis=0).tolist()]
     if spec.agonists:
-        levels = made.levels(spec.agonists, top, start, end)
-        for movement, own, level in zip(found, values, levels, strict=True):
+        of_agonists = levels[: len(spec.agonists)].mean(axis=0)
+        for movement, own, level in zip(found, values, of_agonists, strict=True):
             if movement.direction > 0:
                 own[EMG_PER_ACCELERATION.of] = emg_per_acceleration(float(level), movement.peak_acceleration)
     return values

@@ -36,6 +36,7 @@ from ..movements import (
     rest_stretches,
     segment_angle,
     target_stretches,
+    with_filter,
 )
 from ..session_periods import SessionPeriods
 from .assessment_table import AssessmentTable
@@ -107,8 +108,12 @@ class PointingRecord:
         """Return the angle filtered by a rule, with its derivatives; the last filter's result is cached."""
         wanted = rule.lowpass, rule.order
         if wanted not in self._kept:
-            self._kept.clear()
-            self._kept[wanted] = kinematics(self.time, self.angle, rule, where=self.where, unit=self.along.unit)
+            before = self._kept.popitem()[1] if self._kept else None
+            self._kept[wanted] = (
+                kinematics(self.time, self.angle, rule, where=self.where, unit=self.along.unit)
+                if before is None
+                else with_filter(before, rule, where=self.where)
+            )
         return self._kept[wanted]
 
     def movements(self, rule: MovementRule) -> tuple[Kinematics, list[Movement], list[NoMovement]]:
@@ -318,17 +323,14 @@ def rectified_emg(recording: Recording, spec: AssessmentTable) -> dict[str, np.n
     whole = source.uncut or source
     half = 0.5 / source.fs
     inside = slice(*map(int, np.searchsorted(whole.time, (source.time[0] - half, source.time[-1] + half))))
-    rectified = {}
-    for muscle, name in zip(muscles, names, strict=True):
-        channel = whole.channels[name]
-        try:
-            if channel.unit == "1":
-                rectified[muscle] = _later(channel.samples, round(spec.advance * source.fs))[inside]
-            else:
-                rectified[muscle] = chain.zero_phase(channel.samples, source.fs, inside=inside)
-        except RecordingError as error:
-            raise RecordingError(f"{source.path.name} (recording {recording.name}), {name}: {error}") from None
-    return rectified
+    raw = {name: whole[name] for name in names if whole.channels[name].unit != "1"}
+    try:
+        made = chain.zero_phase_each(raw, source.fs, inside)
+    except RecordingError as error:
+        raise RecordingError(f"{source.path.name} (recording {recording.name}), {error}") from None
+    del raw
+    late = round(spec.advance * source.fs)
+    return {m: made[n] if n in made else _later(whole[n], late)[inside] for m, n in zip(muscles, names, strict=True)}
 
 
 def _chain(advance: float) -> EmgChain:
