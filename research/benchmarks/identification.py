@@ -23,7 +23,7 @@ from pellucid.joint.fit.estimators import solve_output_error
 from pellucid.joint.fit.friction_solver import solve_family
 from pellucid.joint.fit.replay import SIGN_SMOOTHING_SHARE
 from pellucid.joint.study.aligned_motions import aligned_motions
-from pellucid.joint.study.identify_joint import machine_of
+from pellucid.joint.study.solve_joint import machine_of
 from pellucid.models.joint import joint_model
 from pellucid.models.simulate import substeps_for
 from pellucid.numerics.regression import stack

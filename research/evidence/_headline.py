@@ -32,8 +32,8 @@ from pellucid.joint.fit.headline_choice import simulated_errors
 from pellucid.joint.fit.joint_estimate import JointEstimate
 from pellucid.joint.fit.replay import pool_errors, predict
 from pellucid.joint.study.aligned_motions import aligned_motions
-from pellucid.joint.study.identify_joint import machine_of
 from pellucid.joint.study.joint_result import JointResult
+from pellucid.joint.study.solve_joint import machine_of
 from pellucid.models.estimates import Parameter
 from pellucid.numerics.motion import Motion
 from pellucid.numerics.regression import Solution

@@ -34,7 +34,7 @@ from pellucid.joint.fit.friction_solver import solve_family
 from pellucid.joint.fit.presliding import Presliding, estimate_presliding
 from pellucid.joint.fit.replay import Machine, simulate_recording
 from pellucid.joint.study.aligned_motions import align_recordings
-from pellucid.joint.study.identify_joint import machine_of
+from pellucid.joint.study.solve_joint import machine_of
 from pellucid.models.joint import JointModel, joint_model
 from pellucid.numerics.motion import Filtering, Motion, motion_of
 from pellucid.numerics.protocols.excitation import reversals

@@ -62,6 +62,15 @@ def test_columns_of_one_joint_are_that_joint(fit, recorded):
     assert np.array_equal(again.array, fit.array)
 
 
+def test_a_report_that_is_read_later_is_that_of_the_arrays_as_they_were(fit, recorded):
+    q, effort = (np.array(each) for each in recorded)
+    later = pl.fit_joint(T, q, effort, lowpass=10.0, decimate=5)
+    q[:], effort[:] = 0.0, 0.0
+    assert later.verdicts == fit.verdicts
+    assert [(row.id, row.value) for row in later.result.rows] == [(row.id, row.value) for row in fit.result.rows]
+    assert later.result is later.result
+
+
 def test_its_card_is_read_again(fit, tmp_path):
     write_card(tmp_path / "joint.json", fit.card(lifts="up"))
     card = read_card(tmp_path / "joint.json")

@@ -142,10 +142,43 @@ def interpolate_cubic(samples: np.ndarray, place: np.ndarray) -> np.ndarray:
     )
 
 
-def fit_delay(rows: Sequence[DrivenRows], model: Sequence[Columns], start: float | None = None) -> DelayFit | None:
+@dataclass(frozen=True)
+class DelayGrid:
+    """Efforts of all stretches at each delay of the initial grid, which the models share."""
+
+    delays: np.ndarray  # (k,) [s]
+    efforts: np.ndarray  # (m, k); 0 in rows that are not recorded
+    inside: np.ndarray  # which rows are recorded, (m, k)
+
+    @classmethod
+    def of(cls, rows: Sequence[DrivenRows]) -> DelayGrid:
+        """Return the efforts of all stretches."""
+        delays = np.linspace(-DELAY_THRESHOLDS.max_delay_s, DELAY_THRESHOLDS.max_delay_s, DELAY_THRESHOLDS.grid_count)
+        count = sum(len(r.kept) for r in rows)
+        efforts, inside = np.empty((count, len(delays))), np.empty((count, len(delays)), bool)
+        for i, delay in enumerate(delays):
+            efforts[:, i], inside[:, i] = _efforts_at(rows, delay)
+        return cls(delays, np.where(inside, efforts, 0.0), inside)
+
+    def misfits(self, intercept: np.ndarray, basis: np.ndarray) -> np.ndarray:
+        """Return the mean square residual at each delay, (k,), of a model with a `basis`, (m, r)."""
+        left = np.where(self.inside, self.efforts - intercept[:, None], 0.0)
+        left -= basis @ (basis.T @ left)
+        return np.einsum("mk,mk,mk->k", left, left, self.inside) / np.maximum(self.inside.sum(axis=0), 1)
+
+
+def _efforts_at(rows: Sequence[DrivenRows], delay: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the efforts of all stretches, (m,), advanced by a `delay` [s], and which rows are recorded, (m,)."""
+    parts = [r.at(delay) for r in rows]
+    return np.concatenate([y for y, _ in parts]), np.concatenate([inside for _, inside in parts])
+
+
+def fit_delay(
+    rows: Sequence[DrivenRows], grid: DelayGrid, model: Sequence[Columns], start: float | None = None
+) -> DelayFit | None:
     """Estimate the delay with the smallest residual of one `model`; None if the data do not determine it.
 
-    The search begins at `start` [s], or at the best delay of a grid.
+    The search begins at `start` [s], or at the best delay of the `grid` of these rows.
     """
     intercept = np.concatenate([c.intercept for c in model])
     w = np.concatenate([c.regressor for c in model])
@@ -156,17 +189,12 @@ def fit_delay(rows: Sequence[DrivenRows], model: Sequence[Columns], start: float
     basis = _orthonormal_basis(w)
 
     def shifted(delay: float) -> tuple[np.ndarray, np.ndarray]:
-        parts = [r.at(delay) for r in rows]
-        return np.concatenate([y for y, _ in parts]) - intercept, np.concatenate([inside for _, inside in parts])
+        effort, inside = _efforts_at(rows, delay)
+        return effort - intercept, inside
 
-    def misfit(delay: float) -> float:
-        y, inside = shifted(delay)
-        y, q = y[inside], basis[inside]
-        return float(np.sum((y - q @ (q.T @ y)) ** 2) / max(inside.sum(), 1))
-
-    tried = np.linspace(-DELAY_THRESHOLDS.max_delay_s, DELAY_THRESHOLDS.max_delay_s, DELAY_THRESHOLDS.grid_count)
-    left = np.array([misfit(d) for d in tried])
-    before, delay = misfit(0.0), float(tried[np.argmin(left)]) if start is None else start
+    left = grid.misfits(intercept, basis)
+    # The middle of the grid is no delay.
+    before, delay = float(left[len(left) // 2]), float(grid.delays[np.argmin(left)]) if start is None else start
     for _ in range(20):
         y, inside = shifted(delay)
         if inside.sum() < 2 * w.shape[1]:
@@ -186,7 +214,7 @@ def fit_delay(rows: Sequence[DrivenRows], model: Sequence[Columns], start: float
         if abs(step) < 1e-7:
             break
     after = float(np.mean(residual[inside] ** 2))
-    if after > DELAY_THRESHOLDS.max_grid_residual_ratio * min(left.min(), before):
+    if after > DELAY_THRESHOLDS.max_grid_residual_ratio * left.min():
         return None  # the steps did not reach the smallest residual, because of noise
     freed = len(residual) / max(len(residual) - w.shape[1] - 1, 1)
     spread = long_run_covariance((seen * residual)[:, None], residual, [len(r.kept) for r in rows])

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -187,6 +188,17 @@ class _Prepared:
         """Half the range of the effort."""
         return 0.5 * sum(self.top.values())
 
+    def columns(self, rows: np.ndarray) -> np.ndarray:
+        """Return the columns of the motion in some samples, the indices `rows` (m,), shape (m, 1 + 6 j)."""
+        if len(self.effort) > RANGE_LIMITS.block_samples:
+            return _columns(self.motions, rows)
+        return self._every_column if len(rows) == len(self.effort) else self._every_column[rows]
+
+    @cached_property
+    def _every_column(self) -> np.ndarray:
+        """The columns in all samples: every regression of a short recording uses them."""
+        return _columns(self.motions, np.arange(len(self.effort)))
+
 
 def _prepare(effort: np.ndarray, positions: Sequence[np.ndarray], rate: float) -> _Prepared | None:
     width, n = max(1, round(RANGE_LIMITS.smoothing_s * rate)), len(effort)
@@ -226,7 +238,7 @@ def _regression(sign: float, of: _Prepared, share: float) -> tuple[np.ndarray, f
     if core.sum() < max(RANGE_LIMITS.min_samples // 2, RANGE_LIMITS.min_core_share * of.usable.sum()):
         return None
     rows = np.flatnonzero(core)[:: max(1, int(core.sum()) // RANGE_LIMITS.max_fitted_rows)]
-    matrix = _columns(of.motions, rows)
+    matrix = of.columns(rows)
     scale = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
     values = np.linalg.lstsq(matrix / scale, of.recorded[rows], rcond=1e-8)[0] / scale
     error = float(np.sqrt(np.mean((of.recorded[rows] - matrix @ values) ** 2)))
@@ -250,7 +262,7 @@ def _end(sign: float, of: _Prepared, share: float, rate: float) -> SensorEnd | N
     margin = max(RANGE_LIMITS.min_residual_ratio * error, RANGE_LIMITS.min_range_share * half)
 
     def predict(block: np.ndarray) -> np.ndarray:
-        return _columns(of.motions, block) @ values
+        return of.columns(block) @ values
 
     beyond = np.concatenate([sign * predict(block) > top + margin for block in _blocks(len(recorded))]) & usable
     if beyond.sum() < RANGE_LIMITS.min_beyond_samples:

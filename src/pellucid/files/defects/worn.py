@@ -100,12 +100,17 @@ def find_worn(
     if inner.stop - inner.start < test.min_samples // 2 or np.ptp(tau[inner]) == 0.0:
         return None
     stride = max(1, furthest // 40)
-    shifts = range(-(furthest // stride) * stride, furthest + 1, stride)
-    rows = [tau[inner.start + shift : inner.stop + shift] for shift in shifts]
-    possible, sign = _possible_shares(design[inner], rows)
-    lates = np.array(shifts) * step
+    shifts = np.arange(-(furthest // stride) * stride, furthest + 1, stride)
+    lates = shifts * step
     near = np.abs(lates) <= max(test.max_drive_delay_s, stride * step)
-    explained = float(max(possible[near].max(), sign[near].max()))
+
+    def shares(some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return _possible_shares(design[inner], [tau[inner.start + shift : inner.stop + shift] for shift in some])
+
+    explained = float(np.max(shares(shifts[near])))
+    if explained >= test.max_explained_share:
+        return None
+    possible, _ = shares(shifts)
     best = int(np.argmax(possible))
     # At the longest shift tried, the best one lies beyond: that is no time of people.
     inside = not near[best] and 0 < best < len(shifts) - 1
@@ -117,7 +122,7 @@ def find_worn(
     off = tau[inner] - design[inner] @ solution
     impossible = 1.0 - float(np.mean(off**2)) / float(np.var(tau[inner]))
     impossible = impossible if 1.0 - impossible < remaining else explained
-    if explained >= test.max_explained_share or not (late or impossible > explained):
+    if not (late or impossible > explained):
         return None
     return Worn(explained, impossible, late, float(possible[best]))
 
@@ -131,19 +136,17 @@ def _possible_shares(design: np.ndarray, efforts: list[np.ndarray]) -> tuple[np.
     effort = np.column_stack(efforts)
     gram, inside = design.T @ design, design.T @ effort
     whole = np.sum((effort - effort.mean(axis=0)) ** 2, axis=0)
-    pair = []
-    for way in (1.0, -1.0):
-        explained = np.zeros(effort.shape[1])
-        # Three bounds are few enough to try every way in which some of them hold.
-        for held in product((False, True), repeat=3):
-            kept = np.flatnonzero(~np.array([*held, *(False,) * (design.shape[1] - 3)]))
-            solution = np.linalg.lstsq(gram[np.ix_(kept, kept)], way * inside[kept], rcond=1e-12)[0]
-            feasible = np.all(solution[kept < 3] >= 0.0, axis=0)
-            explained = np.where(
-                feasible, np.maximum(explained, np.sum(way * inside[kept] * solution, axis=0)), explained
-            )
-        pair.append(1.0 - (np.sum(effort**2, axis=0) - explained) / np.maximum(whole, 1e-300))
-    return pair[0], pair[1]
+    explained = np.zeros((2, effort.shape[1]))
+    # Three bounds are few enough to try every way in which some of them hold.
+    for held in product((False, True), repeat=3):
+        kept = np.flatnonzero(~np.array([*held, *(False,) * (design.shape[1] - 3)]))
+        solution = np.linalg.lstsq(gram[np.ix_(kept, kept)], inside[kept], rcond=1e-12)[0]
+        share, bounded = np.sum(inside[kept] * solution, axis=0), solution[kept < 3]
+        for sign, own in zip((1.0, -1.0), explained, strict=True):
+            feasible = np.all(sign * bounded >= 0.0, axis=0)
+            own[feasible] = np.maximum(own, share)[feasible]
+    possible, other = 1.0 - (np.sum(effort**2, axis=0) - explained) / np.maximum(whole, 1e-300)
+    return possible, other
 
 
 def _smoothed(x: np.ndarray, width: int) -> np.ndarray:

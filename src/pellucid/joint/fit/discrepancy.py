@@ -229,9 +229,8 @@ def collect_states(
         power = sum(float(m.velocity @ m.velocity) for m in data.motions)
         usual = np.sqrt(power / sum(len(m.velocity) for m in data.motions))
         slow = dead_band if dead_band > 0.0 else DISCREPANCY_SETTINGS.standstill_speed_share * float(usual)
-        known["_kinematics"] = tuple(
-            np.concatenate([m.rows(signal(m, slow)) for m in data.motions]) for signal in KINEMATIC_SIGNALS
-        )
+        signals = [np.column_stack([signal(m, slow) for signal in KINEMATIC_SIGNALS]) for m in data.motions]
+        known["_kinematics"] = tuple(np.ascontiguousarray(data.reduced(signals).T))
     position, velocity, acceleration, snap, standstill = known["_kinematics"]
     ends = np.cumsum(data.lengths)
     loads = [

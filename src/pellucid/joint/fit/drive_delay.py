@@ -12,7 +12,16 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.joint import PARALLEL_STIFFNESS, JointModel, joint_model
-from ...numerics.delay import Columns, Delay, DelayFit, DrivenRows, combine_models, fit_delay, prefer_better_lag
+from ...numerics.delay import (
+    Columns,
+    Delay,
+    DelayFit,
+    DelayGrid,
+    DrivenRows,
+    combine_models,
+    fit_delay,
+    prefer_better_lag,
+)
 from ...numerics.filters import anti_aliased
 from ...numerics.motion import Motion
 from ...numerics.searches.scalar_search import minimise_on_interval
@@ -47,7 +56,7 @@ def estimate_drive_delay(
         rows.append(DrivenRows(driven, own, m.fs, m.kept))
     if sum(len(r.kept) for r in rows) < MIN_ROWS:
         return None
-    fits: list[DelayFit] = []
+    grid, fits = DelayGrid.of(rows), list[DelayFit]()
     values: dict[str, float] = {}
     for model in _models_by_richness(plain, motions):
         at = np.array([values.get(name, 0.0) for name in model.names])
@@ -58,7 +67,7 @@ def estimate_drive_delay(
             whole = anti_aliased(whole, motion.filtering.decimate)
             full.append(whole)
             columns.append(Columns.of(whole[:, 0], whole[:, 1:], row))
-        found = fit_delay(rows, columns, fits[-1].delay if fits else None)
+        found = fit_delay(rows, grid, columns, fits[-1].delay if fits else None)
         if found is None:
             return None
         fits.append(found)

@@ -190,9 +190,11 @@ class LeftOutColumns:
     def _left_out(self, columns: np.ndarray, target: np.ndarray) -> np.ndarray:
         """Return the residual, (k,), of each stretch by a fit of `columns`, (k, p), to the others."""
         gram, moment, made = columns.T @ columns, columns.T @ target, np.empty(len(target))
-        for _, own in rows_of_blocks(self._labels):
-            w, y = columns[own], target[own]
-            made[own] = y - w @ _solve(gram - w.T @ w, moment - w.T @ y)
+        blocks = [own for _, own in rows_of_blocks(self._labels)]
+        grams = np.array([gram - columns[own].T @ columns[own] for own in blocks])
+        moments = np.array([moment - columns[own].T @ target[own] for own in blocks])
+        for own, values in zip(blocks, _solve(grams, moments[:, :, None])[:, :, 0], strict=True):
+            made[own] = target[own] - columns[own] @ values
         return made
 
 
@@ -239,11 +241,14 @@ def segments_of(lengths: Sequence[int]) -> np.ndarray:
 
 
 def _solve(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
-    """Solve normal equations of unit columns; the least-norm solution where they are dependent."""
+    """Solve normal equations of unit columns, (..., p, p), for (..., p, k); by least norm if they are dependent."""
     try:
         # The trace bounds the largest eigenvalue, so that no direction counts as undetermined.
-        np.linalg.cholesky(gram - MIN_RELATIVE_EIGENVALUE * np.trace(gram) * np.eye(len(gram)))
+        trace = np.trace(gram, axis1=-2, axis2=-1)[..., None, None]
+        np.linalg.cholesky(gram - MIN_RELATIVE_EIGENVALUE * trace * np.eye(gram.shape[-1]))
     except np.linalg.LinAlgError:
+        if gram.ndim > 2:
+            return np.array([_solve(*each) for each in zip(gram, moment, strict=True)])
         return np.linalg.lstsq(gram, moment, rcond=MIN_RELATIVE_EIGENVALUE)[0]
     return np.linalg.solve(gram, moment)
 
@@ -268,7 +273,10 @@ def _with_unit_columns(columns: np.ndarray) -> np.ndarray:
 
 def _share_of_slow_samples(data: Stack[Motion], share: float) -> np.ndarray:
     """Return the share of each row, (m,), that the filters take from speeds below a share of the usual one."""
-    power = sum(float(m.velocity @ m.velocity) for m in data.motions)
-    usual = np.sqrt(power / sum(len(m.velocity) for m in data.motions))
-    slow = share * usual
-    return np.concatenate([m.rows(np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float)))) for m in data.motions])
+    known = vars(data).setdefault("_slow_samples", {})
+    if share not in known:  # computed once, because every model of these recordings has the same kinematics
+        power = sum(float(m.velocity @ m.velocity) for m in data.motions)
+        slow = share * np.sqrt(power / sum(len(m.velocity) for m in data.motions))
+        parts = [np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float))) for m in data.motions]
+        known[share] = data.reduced(parts)
+    return known[share]

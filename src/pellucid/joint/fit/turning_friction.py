@@ -22,7 +22,7 @@ TRAVEL_RANGE_SHARES = (1e-3, 3e-3, 1e-2, 2e-2)
 
 def reversal_pulses(motion: Motion, signal: np.ndarray) -> np.ndarray:
     """Return pulses at `REVERSAL_TIMES_S` from every change of the sign of a `signal`, (n,); shape (n, k)."""
-    return np.column_stack([np.gradient(motion.smooth(sign)) * motion.fs for sign in shifted_signs(signal, motion.fs)])
+    return np.gradient(motion.smooth(np.column_stack(shifted_signs(signal, motion.fs))), axis=0) * motion.fs
 
 
 def shifted_signs(signal: np.ndarray, fs: float) -> list[np.ndarray]:
@@ -41,8 +41,8 @@ def turning_columns(motion: Motion) -> np.ndarray:
     span, at_once = float(np.ptp(motion.position[motion.inner])), np.sign(motion.velocity)
     position = np.ascontiguousarray(motion.position, float)
     # A stretch at rest turns nowhere.
-    gives = [
-        motion.smooth(_core.presliding(share * span, position) - at_once) if span > 0.0 else np.zeros(len(position))
-        for share in TRAVEL_RANGE_SHARES
-    ]
-    return np.column_stack([*gives, reversal_pulses(motion, motion.velocity)])
+    gives = np.zeros((len(position), len(TRAVEL_RANGE_SHARES)))
+    if span > 0.0:
+        built_up = [_core.presliding(share * span, position) - at_once for share in TRAVEL_RANGE_SHARES]
+        gives = motion.smooth(np.column_stack(built_up))
+    return np.hstack([gives, reversal_pulses(motion, motion.velocity)])

@@ -7,9 +7,10 @@ held-out error and verdicts of both.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,17 +24,23 @@ from ...models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME, UNITS
 from ...numerics.arguments import choice, number, shown, whole_number, with_checked_arguments
 from ...numerics.motion import Filtering, settling_samples, shortest
 from ...study.array_study import ArrayStudy, array_study, parse_tables
-from ...study.procedures.run import run
+from ...study.procedures.registry import ALL_PROCEDURES
+from ...study.procedures.run import complete_result, take_recordings
 from ...study.quality import require_sound
 from ...study.study_file import RecordingEntry, StudyFile
 from ...units import si_text, to_si_factor
 from ..fit.friction_family import FamilyFit
+from ..fit.headline_choice import HeadlineChoice
 from ..fit.joint_estimate import JointEstimate
 from ..fit.replay import Prediction, pool_errors, predict
 from .aligned_motions import Alignment, aligned_motions, find_alignments
 from .array_recordings import ArrayRecording, collect_recordings, hold_out
 from .joint_faults import ReversedSignError
-from .joint_result import JointResult
+from .procedure import solve
+from .solve_joint import SolvedJoint
+
+if TYPE_CHECKING:
+    from .joint_result import JointResult
 
 EFFORT_UNITS = {"rotary": "N*m", "prismatic": "N"}
 """SI unit of the effort of each kind of joint."""
@@ -77,26 +84,35 @@ class JointFit(JointEstimate):
 
     Attributes
     ----------
-    result : JointResult
-        Result of `identify`: all families, tables and verdicts.
     study : ArrayStudy
         The recordings and the settings as a study in memory.
+    choice : HeadlineChoice
+        Chosen friction family and estimator, and why.
+    families : mapping of str to FamilyFit
+        Fit of each friction family that was compared, by its name.
 
     The other attributes are those of `JointEstimate`.
     """
 
-    result: JointResult = field(repr=False)
     study: ArrayStudy = field(repr=False)
+    choice: HeadlineChoice = field(repr=False)
+    families: Mapping[str, FamilyFit] = field(repr=False)
+    _report: Callable[[], JointResult] = field(repr=False)
+
+    @cached_property
+    def result(self) -> JointResult:
+        """Result of `identify`: all families, tables and verdicts. It is computed when it is first read."""
+        return self._report()
 
     @property
     def family(self) -> str:
         """Name of the chosen friction family."""
-        return self.result.best
+        return self.choice.family
 
     @property
-    def families(self) -> Mapping[str, FamilyFit]:
-        """Fit of each friction family that was compared, by its name."""
-        return self.result.families
+    def headlined(self) -> FamilyFit:
+        """Chosen family with the values of the chosen estimator."""
+        return self.families[self.family].headline
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
@@ -111,12 +127,12 @@ class JointFit(JointEstimate):
     @property
     def heldout_effort_error(self) -> float:
         """Error of the effort of the held-out recordings [%]; NaN without one."""
-        return float(self.result.headlined.heldout_effort_error)
+        return float(self.headlined.heldout_effort_error)
 
     @property
     def heldout_r2(self) -> float:
         """Coefficient of determination of the effort of the held-out recordings; NaN without one."""
-        return float(self.result.headlined.heldout_r2)
+        return float(self.headlined.heldout_r2)
 
     @property
     def delays(self) -> tuple[Alignment, ...]:
@@ -170,14 +186,14 @@ class JointFit(JointEstimate):
             RecordingEntry.model_validate({"name": each.name, "file": each.name, "use": "validate"}) for each in given
         )
         arrays = {each.name: _read_columns(each, config) for each in given}
-        head = self.result.headlined
+        half_width = self.headlined.predictions[0].half_width
         try:
             scored = array_study(config.model_copy(update={"recordings": entries}), arrays, "score")
             scored.found["alignments"] = tuple(each for each in self.delays if not each.recording)
             for recording in scored.recordings():
                 require_sound(recording, scored)
-            motions = [self.result.choice.direction.apply(m) for m in aligned_motions(scored)]
-            made = predict(self.model, self.array, motions, head.predictions[0].half_width)
+            motions = [self.choice.direction.apply(m) for m in aligned_motions(scored)]
+            made = predict(self.model, self.array, motions, half_width)
         except PellucidError as error:
             raise _of_arrays("score", config, error) from None
         if not made:
@@ -412,7 +428,9 @@ def fit_joint(
     config = parse_tables(raw, where)
     try:
         study = array_study(config, {each.name: _read_columns(each, config) for each in recordings}, where)
-        found = run(study, "joint", joint={"families": families, "thorough": bool(thorough)})
+        procedure = next(each for each in ALL_PROCEDURES if each.name == "joint")
+        taken = take_recordings(procedure, study)
+        solved = solve(taken, families, thorough=bool(thorough))
     except ReversedSignError as error:
         raise IdentificationError(
             f"{where}: effort: {error.found}: the effort has the opposite sign of the position, expected a positive "
@@ -420,13 +438,24 @@ def fit_joint(
         ) from None
     except PellucidError as error:
         raise _of_arrays(where, config, error) from None
-    if not isinstance(found, JointResult):
+    if not isinstance(solved, SolvedJoint):
         raise IdentificationError(
             f"{where}: position: found a joint that is held in every recording: inertia and friction cannot be "
             "identified; expected one that moves"
         )
-    head = found.headlined.estimate
-    return JointFit(**{each.name: getattr(head, each.name) for each in fields(head)}, result=found, study=study)
+
+    @with_one_blas_thread
+    def report() -> JointResult:
+        from .identify_joint import report_joint
+
+        try:
+            return complete_result(procedure, study, report_joint(solved), taken.left_out)
+        except PellucidError as error:
+            raise _of_arrays(where, config, error) from None
+
+    head = solved.headlined.estimate
+    chosen = {each.name: getattr(head, each.name) for each in fields(head)}
+    return JointFit(**chosen, study=study, choice=solved.choice, families=solved.fits, _report=report)
 
 
 def _of_arrays(where: str, config: StudyFile, error: PellucidError) -> PellucidError:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from ...study.procedures.procedure import Progress, quiet
 from ...study.study import Study
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from ...files.fault import Fault
     from ...study.pages.page import Page
     from .joint_result import JointResult
+    from .solve_joint import SolvedJoint
     from .spring_result import SpringResult
     from .static_postures import PostureResult
+
+Found = TypeVar("Found")
 
 
 def is_joint_asked(study: Study) -> bool:
@@ -59,6 +62,30 @@ def run(
     study: Study, tell: Progress = quiet, *, families: Sequence[str] | None = None, thorough: bool = True
 ) -> JointResult | PostureResult | SpringResult:
     """Identify a moving joint, a held one, or a locked spring."""
+
+    def identify() -> JointResult:
+        from .identify_joint import identify_joint
+
+        return identify_joint(study, tell, families=families, thorough=thorough)
+
+    return _found(study, identify)
+
+
+def solve(
+    study: Study, families: Sequence[str] | None = None, *, thorough: bool = True
+) -> SolvedJoint | PostureResult | SpringResult:
+    """Do as `run`, but do not report a moving joint."""
+
+    def solve_moving() -> SolvedJoint:
+        from .solve_joint import solve_joint
+
+        return solve_joint(study, families=families, thorough=thorough)
+
+    return _found(study, solve_moving)
+
+
+def _found(study: Study, identify: Callable[[], Found]) -> Found | PostureResult | SpringResult:
+    """Return what is found of a study's joint, by `identify` if it moves; errors advise on a locked spring."""
     from ..._errors import IdentificationError
     from ..fit.recording_agreement import StatedValueError
     from .held_joint import is_held_throughout, is_locked_spring, spring_advice
@@ -73,9 +100,7 @@ def run(
             from .static_postures import identify_postures
 
             return identify_postures(study)
-        from .identify_joint import identify_joint
-
-        return identify_joint(study, tell, families=families, thorough=thorough)
+        return identify()
     except StatedValueError:
         raise  # whatever the joint is, the stated value is wrong
     except IdentificationError as error:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from .procedure import Procedure
     from .result import Result
 
+ResultT = TypeVar("ResultT", bound="Result")
+"""Kind of result."""
+
 PROCEDURE_KEY = "procedure"
 """Key of a card's sources that names the procedure which made it; every other key names a table or a file."""
 
@@ -140,7 +143,7 @@ def _checksum(path: Path) -> str:
     return checksum(path) if path.is_file() else ""
 
 
-def found_by(procedure: Procedure, study: Study, result: Result) -> Result:
+def found_by(procedure: Procedure, study: Study, result: ResultT) -> ResultT:
     """Add to a result and its cards their inputs and procedure, and sort its verdicts, worst first."""
     sources = card_sources(study, procedure) if result.cards else {}
     return replace(

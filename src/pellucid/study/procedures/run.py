@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ from ..pages.quantities import unit_text, value_and_half_interval
 from ..results import read_rows
 from ..study import Study
 from . import registry
-from .card_sources import found_by
+from .card_sources import ResultT, found_by
 from .complete_answer import complete_answer, without_further
 from .procedure import CostedSteps, Procedure, Progress, quiet, typed_command, typed_commands
 from .registry import as_study, asked, is_study
@@ -661,11 +661,28 @@ def _run(
 ) -> Result:
     tell = on_progress or quiet
     steps = CostedSteps(tell, RUN_COSTS)
-    twice = find_duplicates(study.recordings(on_progress=steps.part("reading recordings")))
+    taken = take_recordings(procedure, study, steps.part("reading recordings"))
+    found = procedure.run(taken, procedure.table_of(taken), steps.part("fitting"), **options)
+    completed = complete_result(procedure, study, found, taken.left_out, beside)
+    tell("done", 1.0)
+    return completed
+
+
+def take_recordings(procedure: Procedure, study: Study, tell: Progress = quiet) -> Study:
+    """Return the study without recordings that a procedure excludes; refuse one that has a recording twice."""
+    twice = find_duplicates(study.recordings(on_progress=tell))
     if twice:
         raise UnfitRecordingError("\n".join(fault.message for fault in twice))
-    taken = procedure.taken(study)
-    found = procedure.run(taken, procedure.table_of(taken), steps.part("fitting"), **options)
+    return procedure.taken(study)
+
+
+def complete_result(
+    procedure: Procedure, study: Study, found: ResultT, left_out: Collection[str], beside: Sequence[str] = ()
+) -> ResultT:
+    """Return what a procedure found, with verdicts on the recordings and the study's answer.
+
+    Recordings that it `left_out` are named. The procedures `beside` it run on the same study.
+    """
     cut_notes = procedure.cut(study)
     warned = [
         Verdict("warning", text)
@@ -677,8 +694,7 @@ def _run(
     ]
     verdicts = (*rank_verdicts((*found.verdicts, *warned)), *cut)
     found = found_by(procedure, study, replace(found, verdicts=verdicts))
-    answer = complete_answer(study, found, taken.left_out, beside)
-    tell("done", 1.0)
+    answer = complete_answer(study, found, left_out, beside)
     return replace(found, completed=answer, headline=answer.sentence)
 
 
