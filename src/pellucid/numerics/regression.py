@@ -129,15 +129,6 @@ def reduce_motions(motions: Sequence[MotionT]) -> Stack[MotionT]:
     return Stack(tuple(motions), tuple(m.rows(m.effort) for m in motions))
 
 
-def linearise(
-    model: ForceModel[MotionT], values: np.ndarray, motions: Sequence[MotionT]
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return efforts, (n_i,), and regressors, (n_i, p), of each motion at `values`, (p,), filtered as the measured
-    effort."""
-    pairs = [model.jacobian(values, m) for m in motions]
-    return [effort for effort, _ in pairs], [jacobian for _, jacobian in pairs]
-
-
 def predict_efforts(model: ForceModel[MotionT], values: np.ndarray, motions: Sequence[MotionT]) -> list[np.ndarray]:
     """Return the model's effort for each motion, (n_i,), at full rate, filtered as the measured effort was."""
     return [model.effort(values, m) for m in motions]
@@ -184,6 +175,7 @@ class Solution:
     at_bound: np.ndarray  # mask of the parameters on an active bound, (p,)
     iterations: int
     converged: bool
+    is_exact: bool = False  # whether regressor and residual are known to be those at the values, without linearising
 
 
 def solve(
@@ -217,12 +209,17 @@ def solve(
             raise ValueError(
                 f"{model.label}: found neither `start` nor `after`, expected one of them for a nonlinear model"
             )
+        known = None
+        if after is not None and after.is_exact and len(after.jacobian) == len(data.target):
+            known = after.jacobian, data.target - after.residual
         # Reweighting moves the minimum only a little, so a few steps suffice.
         most = 60 if after is None else 8
-        values, (jacobian, effort), iterations, converged = _gauss_newton(model, data, w, lower, upper, first, most)
+        bounds = lower, upper
+        values, (jacobian, effort), iterations, converged = _gauss_newton(model, data, w, bounds, first, most, known)
         residual = data.target - effort
     snapped, held = snap_to_bounds(values, lower, upper, jacobian, residual)
-    return Solution(snapped, jacobian, residual - jacobian @ (snapped - values), w, held, iterations, converged)
+    left = residual - jacobian @ (snapped - values)
+    return Solution(snapped, jacobian, left, w, held, iterations, converged, is_exact=not held.any())
 
 
 ROWS_AT_ONCE = 1 << 16
@@ -317,23 +314,23 @@ def _gauss_newton(
     model: ForceModel[MotionT],
     data: Stack[MotionT],
     w: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
     start: np.ndarray,
     most: int,
+    known: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], int, bool]:
     """Fit a nonlinear model by bounded least squares with `most` evaluations at most.
 
-    Returns the values, (p,), the regressor, (m, p), and the effort, (m,), there, the number of evaluations, and whether
-    the search converged.
+    `known` are the regressor and the effort at the start, where they are known. Returns the values, (p,), the
+    regressor, (m, p), and the effort, (m,), there, the number of evaluations, and whether the search converged.
     """
     # Parameters are scaled by the effort they make, so that tolerances mean the same in newtons, volts and amperes.
     size = float(np.linalg.norm(data.target * w))
-    rows = regression_rows(model, start, data)
+    rows = regression_rows(model, start, data) if known is None else known
     weighted = rows[0] * w[:, None]
     require_full_rank(model.names, weighted, model.label)
     scale = size / np.linalg.norm(weighted, axis=0)
-    low, high = lower / scale, upper / scale
+    low, high = (bound / scale for bound in bounds)
     inside = np.clip(start / scale, low + 1e-6, np.where(np.isfinite(high), high - 1e-6, high))
     if not np.allclose(inside * scale, start, rtol=1e-15, atol=0.0):  # no more than rounding
         rows = regression_rows(model, inside * scale, data)

@@ -29,7 +29,6 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...numerics.uncertainty import correlation_length
-from .causal_map import find_period
 
 DEFAULT_WORTHWHILE_GAIN = 0.05
 """Gain in R² that makes electrodes worth their trouble unless a study says otherwise.
@@ -125,6 +124,8 @@ def worth_on_recording(
     if not variance > 0.0:
         raise IdentificationError("what EMG is worth: found a reference torque that does not change, expected a change")
     apart = (np.square(torque - angles_alone) - np.square(torque - with_emg)) / variance
+    from .causal_map import find_period  # imported late: every study's tables read a constant above
+
     means = _block_means(apart, find_period(torque, fs))
     gain = float(apart.mean())
     gains = [

@@ -27,7 +27,7 @@ from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...models.simulate import JointTrace
 from ...numerics.motion import Motion, differentiate, friction_signals
-from ...numerics.regression import Solution, Stack, linearise, remember_last_call, snap_to_bounds
+from ...numerics.regression import Solution, Stack, regression_rows, remember_last_call, snap_to_bounds
 from ...numerics.searches.bounded_least_squares import bounded_least_squares
 from .friction_solver import values_without_blocks
 from .replay import Machine, is_bounded, replay
@@ -53,13 +53,25 @@ def simulated_motions(
             )
         position, velocity, acceleration = differentiate(trace.position, motion.fs, motion.filtering)
         slip, direction = friction_signals(trace.position, velocity, motion.fs, motion.filtering)
-        made.append(
-            replace(
-                motion, position=position, velocity=velocity, acceleration=acceleration, slip_velocity=slip,
-                direction=direction,
-            )
+        simulated = replace(
+            motion, position=position, velocity=velocity, acceleration=acceleration, slip_velocity=slip,
+            direction=direction,
         )  # fmt: skip
+        vars(simulated)["moving"] = motion.moving  # a regression uses the same rows of both
+        made.append(simulated)
     return tuple(made)
+
+
+SimulatedRows = Callable[[], tuple[np.ndarray, np.ndarray]]
+"""What gives the regressor, (m, p), and the effort, (m,), in the simulated closed loop."""
+
+
+def simulated_rows(
+    model: JointModel, values: np.ndarray, data: Stack[Motion], machine: Machine
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the regressor, (m, p), and the effort, (m,), in the closed loop that is simulated with `values`, (p,)."""
+    simulated = simulated_motions(model, values, data.motions, machine)
+    return regression_rows(model, values, Stack(simulated, data.targets))
 
 
 def require_loop(machine: Machine, data: Stack[Motion]) -> None:
@@ -73,35 +85,35 @@ def require_loop(machine: Machine, data: Stack[Motion]) -> None:
 
 
 def solve_instrumental(
-    model: JointModel, data: Stack[Motion], machine: Machine, first: Solution
+    model: JointModel, data: Stack[Motion], machine: Machine, first: Solution, begun: SimulatedRows | None = None
 ) -> tuple[Solution, np.ndarray]:
-    """Solve IDIM-IV with instruments from the simulated closed loop; return the solution and instruments, (m, p)."""
+    """Solve IDIM-IV with instruments from the simulated closed loop; return the solution and instruments, (m, p).
+
+    `begun` gives the rows by the values of `first`, if they are known.
+    """
     require_loop(machine, data)
-    return _iterate(model, data, first, lambda values: _instruments(model, values, data, machine))
+
+    def rows(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        at_start = begun if values is first.values else None
+        instruments, _ = simulated_rows(model, values, data, machine) if at_start is None else at_start()
+        regressor, effort = regression_rows(model, values, data)
+        return instruments, regressor, data.target - effort
+
+    return _iterate(model, data, first, rows)
 
 
-def _instruments(
-    model: JointModel, values: np.ndarray, data: Stack[Motion], machine: Machine
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    efforts, regressors = linearise(model, values, data.motions)
-    simulated = simulated_motions(model, values, data.motions, machine)
-    z = data.reduced(linearise(model, values, simulated)[1])
-    return z, data.reduced(regressors), data.target - data.reduced(efforts)
-
-
-def solve_didim(model: JointModel, data: Stack[Motion], machine: Machine, first: Solution) -> Solution:
-    """Solve DIDIM: fit the inverse model on simulated states alone."""
+def solve_didim(
+    model: JointModel, data: Stack[Motion], machine: Machine, first: Solution, begun: SimulatedRows | None = None
+) -> Solution:
+    """Solve DIDIM: fit the inverse model on simulated states alone; `begun` is as in `solve_instrumental`."""
     require_loop(machine, data)
-    return _iterate(model, data, first, lambda values: _simulated_rows(model, values, data, machine))[0]
 
+    def rows(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        at_start = begun if values is first.values else None
+        regressor, effort = simulated_rows(model, values, data, machine) if at_start is None else at_start()
+        return regressor, regressor, data.target - effort
 
-def _simulated_rows(
-    model: JointModel, values: np.ndarray, data: Stack[Motion], machine: Machine
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    simulated = simulated_motions(model, values, data.motions, machine)
-    efforts, regressors = linearise(model, values, simulated)
-    w = data.reduced(regressors)
-    return w, w, data.target - data.reduced(efforts)
+    return _iterate(model, data, first, rows)[0]
 
 
 def _iterate(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from ...models.joint import SYMBOLS_BY_NAME, JointModel
 from ...numerics.distributions import normal_quantile
 from ...numerics.motion import Motion
 from ...numerics.regression import Solution, Stack, stack
-from .estimators import SolvedMethod, solve_didim, solve_instrumental, solve_output_error
+from .estimators import SolvedMethod, simulated_rows, solve_didim, solve_instrumental, solve_output_error
 from .friction_solver import (
     cross_validate_family,
     solve_family,
@@ -339,8 +339,9 @@ def _apply_other_methods(
 
     given = model, data, machine, first
     if all(machine.can_close(m) for m in data.motions):
-        attempt("iv", lambda: solve_instrumental(*given))
-        attempt("didim", lambda: (solve_didim(*given), None))
+        begun = cache(lambda: simulated_rows(model, first.values, data, machine))
+        attempt("iv", lambda: solve_instrumental(*given, begun))
+        attempt("didim", lambda: (solve_didim(*given, begun), None))
     attempt("output_error", lambda: (solve_output_error(*given), None), [len(m.moving) for m in data.motions])
     simulations: dict[str, tuple[Simulation, ...]] = {}
     drawn = {"ls": first.values} | ({"output_error": others["output_error"].array} if "output_error" in others else {})

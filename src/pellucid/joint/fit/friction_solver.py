@@ -158,42 +158,43 @@ def solve_family(
     return solve(model, data, weights=weights, bounds=(lower, upper), start=start, after=after)
 
 
-def solve_without_blocks(
-    model: JointModel, data: Stack[Motion], found: Solution, labels: np.ndarray
-) -> dict[int, np.ndarray]:
-    """Return the parameters, (p,), that a solution by `solve_family` has without each block, by the block's number.
-
-    `labels`, (m,), are the blocks of the rows. Each block's rows get no weight, and the search starts at the solution.
-    Above `MAX_REFITTED_ROWS` rows, and where a block alone shows a parameter, the model is linearised instead.
-    """
-    linearised = values_without_blocks(found, labels)
-    if len(labels) > MAX_REFITTED_ROWS:
-        return linearised
-    made = {}
-    for block in linearised:
-        weights = np.where(labels == block, 0.0, found.weights)
-        try:
-            made[block] = solve_family(model, data, weights=weights, after=found).values
-        except IdentificationError:
-            made[block] = linearised[block]
-    return made
-
-
 def cross_validate_family(model: JointModel, data: Stack[Motion], found: Solution) -> tuple[np.ndarray, ...]:
     """Return effort residuals, (n_i,) per stretch, each block predicted by a fit to the other blocks.
 
-    `found` is the family's solution on all of `data`.
+    `found` is the solution by `solve_family` on all of `data`. For the fit without a block its rows get no weight, and
+    the search starts at the solution. Above `MAX_REFITTED_ROWS` rows, and where a block alone shows a parameter, the
+    model is linearised instead.
     """
     labels = np.concatenate(block_labels(data.lengths))
-    without = solve_without_blocks(model, data, found, labels)
+    without, left = values_without_blocks(found, labels), dict[int, np.ndarray]()
+    if len(labels) <= MAX_REFITTED_ROWS:
+        start = found if model.linear else _with_exact_rows(model, data, found)
+        for block in without:
+            weights = np.where(labels == block, 0.0, found.weights)
+            try:
+                other = solve_family(model, data, weights=weights, after=start)
+            except IdentificationError:
+                continue
+            without[block] = other.values
+            if other.is_exact:
+                left[block] = other.residual
     if len(labels) > MAX_REFITTED_ROWS or model.linear:
         crossed = residuals_without_blocks(found.residual, found.jacobian, found.values, without, labels)
     else:
         crossed = np.empty(len(labels))
         for block, values in without.items():
             own = labels == block
-            crossed[own] = (data.target - regression_rows(model, values, data)[1])[own]
+            residual = left[block] if block in left else data.target - regression_rows(model, values, data)[1]
+            crossed[own] = residual[own]
     return tuple(np.split(crossed, np.cumsum(data.lengths)[:-1]))
+
+
+def _with_exact_rows(model: JointModel, data: Stack[Motion], found: Solution) -> Solution:
+    """Return a solution with the regressor and the residual at its values, which many searches start from."""
+    if found.is_exact:
+        return found
+    jacobian, effort = regression_rows(model, found.values, data)
+    return replace(found, jacobian=jacobian, residual=data.target - effort, is_exact=True)
 
 
 def solve_from_part(model: JointModel, data: Stack[Motion], found: Solution) -> Solution:
@@ -317,7 +318,9 @@ def _profile_stribeck_velocity(
     residual = data.target - effort
     if after is None and found.values[_stribeck_index(model)] > 0.0 and not held[at]:
         values, jacobian, residual = _polish(model, data, w, values, jacobian, residual, ~held)
-    return replace(found, values=values, jacobian=jacobian, residual=residual, at_bound=held, iterations=len(tried))
+    return replace(
+        found, values=values, jacobian=jacobian, residual=residual, at_bound=held, iterations=len(tried), is_exact=True
+    )
 
 
 def _min_stribeck_velocity(data: Stack[Motion], top: float) -> float:

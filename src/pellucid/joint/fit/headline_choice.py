@@ -254,12 +254,16 @@ def make_cuts(lengths: Sequence[int], count: int) -> list[list[np.ndarray]]:
 def _effort_loss(solved: SolvedMethod, data: Stack[Motion], cuts: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
     """Return the cross-validated squared error of the effort in each row, (m,), averaged over cuts."""
     values = solved.found.values
-    jacobian, effort = regression_rows(solved.model, values, data)
-    loss = np.zeros(len(effort))
+    if solved.found.is_exact:
+        jacobian, residual = solved.found.jacobian, solved.found.residual
+    else:
+        jacobian, effort = regression_rows(solved.model, values, data)
+        residual = data.target - effort
+    loss = np.zeros(len(residual))
     for labels in cuts:
         without = solved.without_blocks(data, labels)
         rows = np.concatenate([x[m.moving] for x, m in zip(labels, data.motions, strict=True)])
-        loss += residuals_without_blocks(data.target - effort, jacobian, values, without, rows) ** 2
+        loss += residuals_without_blocks(residual, jacobian, values, without, rows) ** 2
     return loss / len(cuts)
 
 
