@@ -9,6 +9,7 @@
 #include "kernels.hpp"
 #include "laws.hpp"
 #include "number_text.hpp"
+#include "read_rows.hpp"
 #include "regression_trees.hpp"
 #include "strap.hpp"
 #include "strap_response.hpp"
@@ -567,6 +568,7 @@ NB_MODULE(_core, m) {
   b::add_regression_trees(m);
   b::add_zero_phase(m);
   b::add_number_text(m);
+  b::add_read_rows(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");
   const auto elementary = [&math](const char* name, double (*in_double)(double), float (*in_float)(float),

@@ -28,7 +28,7 @@ ALLOWED = {
     "units": {"_errors"},
     "models": BASE | {"_core"},  # what several domains know of the core: joints, trees, friction, cards
     "numerics": BASE | {"_core", "models"},  # arrays
-    "files": BASE,  # values and files; knows no study
+    "files": BASE | {"_core"},  # values and files; numbers of text come from the core; knows no study
     "study": BASE | {"numerics", "files", "models"},
     **dict.fromkeys(DOMAINS, BASE | FOUNDATION | {"_core"}),  # and the doors below
     "live": BASE | FOUNDATION | DOMAINS,
@@ -80,7 +80,7 @@ ARRAYS_ONLY = ("numerics", "models", "joint/fit", "arm/fit", "orthosis/strap", "
 PAGE_ROOMS = ("study/pages", "study/drawing")
 """Folders that draw; elsewhere only files of figures import Matplotlib."""
 
-CORE_USERS = {"models", "numerics", *DOMAINS}
+CORE_USERS = {"files", "models", "numerics", *DOMAINS}
 def sources(root: Path = ROOT):
     return sorted(path for path in root.rglob("*.py") if "__pycache__" not in path.parts)
 

@@ -1,12 +1,12 @@
-"""Files of hours: Arrow, NumPy and the reader that goes from field to field find the same bits; columns are kept."""
+"""Files of hours: the core, NumPy and the reader that goes from field to field find the same bits; columns are kept."""
 
 import os
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pellucid import _core
 from pellucid.files import kept_columns as keeping
 from pellucid.files.readers import _number_blocks, csv
 from pellucid.files.readers.read import read_columns
@@ -55,16 +55,51 @@ def test_all_readers_find_the_same_bits(tmp_path, monkeypatch, content, plain):
         return columns
 
     monkeypatch.setattr(csv, "_plain_columns", plain_columns)
+    by_core = csv.read(path)
+    monkeypatch.setattr(_core, "read_rows", lambda *_: None)
     by_numpy = csv.read(path)
-    monkeypatch.setattr(csv, "MIN_ARROW_FILE_BYTES", 1)
-    by_arrow = csv.read(path)
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    without_arrow = csv.read(path)
-    assert taken == [plain] * 3
+    assert taken == [plain] * 2
     monkeypatch.setattr(csv, "_plain_columns", lambda *_, **__: None)
     by_field = csv.read(path)
-    for found in (by_numpy, by_arrow, without_arrow):
+    for found in (by_core, by_numpy):
         assert_same_bits(found, by_field)
+
+
+def test_cells_have_the_bits_that_python_reads():
+    texts = [
+        "0", "-0", "+7", " 1.5", "2.5\t", ".5", "5.", "1e3", "1E-3", "1e+22", "1e23", "123456789012345678",
+        "9007199254740993", "0.30000000000000004", "2.2250738585072011e-308", "1e400", "inf", "-Infinity",
+        *(f"{x:.{k}f}" for k, x in enumerate(DRAWN.normal(scale=1e4, size=17))),
+        *(f"{x:.{k}e}" for k, x in enumerate(DRAWN.normal(size=19))),
+    ]  # fmt: skip
+    column = np.empty(len(texts) + 1)
+    assert _core.read_rows("\n".join(texts).encode(), [column], 1, ";", ".", ["nan"]) == len(column)
+    np.testing.assert_array_equal(column[1:].view(np.int64), np.array([float(x) for x in texts]).view(np.int64))
+
+
+@pytest.mark.parametrize(
+    "cell", ["1,5", "1_000", "0x10", "1 2", "--1", ".", "1e", "e5", "word", '"1"', "1\0", "#1", "1d5"]
+)
+def test_what_is_no_number_is_left_to_other_readers(cell):
+    assert _core.read_rows(f"1\n{cell}\n".encode(), [np.empty(3)], 0, ";", ".", [""]) is None
+    assert _core.read_rows(f"1;2\n3;{cell}\n".encode(), [np.empty(3), np.empty(3)], 0, ";", ".", [""]) is None
+
+
+def test_rows_of_another_width_and_too_many_rows_are_refused():
+    columns = [np.empty(2), np.empty(2)]
+    for text in (b"1;2\n3\n", b"1;2\n3;4;5\n", b"1;2;\n"):
+        assert _core.read_rows(text, columns, 0, ";", ".", [""]) is None
+    assert _core.read_rows(b"1;2\r\n \r\n3;\n", columns, 0, ";", ".", [""]) == 2
+    np.testing.assert_array_equal(columns, [[1.0, 3.0], [2.0, np.nan]])
+    assert _core.read_rows(b"1,5;2\n", columns, 0, ";", ",", [""]) == 1
+    assert columns[0][0] == 1.5
+    with pytest.raises(ValueError, match="columns: found room for 2 rows, expected more"):
+        _core.read_rows(b"1;2\n3;4\n", columns, 1, ";", ".", [""])
+    with pytest.raises(ValueError, match="one character for delimiter and decimal"):
+        _core.read_rows(b"1;2\n", columns, 0, ";;", ".", [""])
+    for other in (np.empty(2, np.float32), np.empty(4)[::2], [0.0, 0.0]):
+        with pytest.raises(TypeError):
+            _core.read_rows(b"1\n", [other], 0, ";", ".", [""])
 
 
 def assert_same_bits(found, expected):
@@ -87,12 +122,10 @@ LABELLED = "t;q;i;when;phase\n" + "".join(
 
 
 @pytest.mark.parametrize("content", [f"t,q,i\n{ROWS * 40}", LABELLED, f"t,q,i\n{ROWS}# a comment\n0.9,,2\n"])
-@pytest.mark.parametrize("arrow", [True, False])
-def test_blocks_of_any_size_are_the_same(tmp_path, monkeypatch, content, arrow):
+def test_blocks_of_any_size_are_the_same(tmp_path, monkeypatch, content):
     path = tmp_path / "a.csv"
     path.write_text(content)
     whole = csv.read(path)
-    monkeypatch.setattr(csv, "MIN_ARROW_FILE_BYTES", 1 if arrow else np.inf)
     monkeypatch.setattr(_number_blocks, "BLOCK_BYTES", 700)
     assert_same_bits(csv.read(path), whole)
 

@@ -1,7 +1,7 @@
-"""Read a text table's lines in blocks, and blocks of plain numbers at once: with Arrow if it is installed, else NumPy.
+"""Read a text table's lines in blocks, and blocks of plain numbers at once: in the core, or by NumPy without delimiter.
 
-Both give the same bits. Arrow needs a twentieth of the time. Neither accepts a block that has more than numbers and
-missing samples in it; then the careful reader takes over, which goes from field to field.
+Both give the same bits. Neither accepts a block that has more than numbers and missing samples in it; then the careful
+reader takes over, which goes from field to field.
 """
 
 from __future__ import annotations
@@ -15,10 +15,8 @@ from typing import BinaryIO
 
 import numpy as np
 
+from ... import _core
 from ..name_evidence import LANGUAGE_PARTS
-
-MIN_ARROW_FILE_BYTES = 400_000
-"""Files from this size on are read with Arrow. To load it takes as long as to read three such files without it."""
 
 BLOCK_BYTES = 1 << 19
 """Size of the blocks in which a file is read, so that its text takes little memory compared with its numbers."""
@@ -33,7 +31,6 @@ _COMMENT_MARKS = ("#", "%", "//", "!")
 _JAPANESE_BYTES = re.compile(rb"(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
 _ENCODINGS = ("cp932", "gb18030", "cp949", "big5", "euc_jp", "cp1251")
 _OTHER_LINE = re.compile(r"\n(?![^\s\ufeff#%!/])[\s\ufeff]*?(?:$|[#%!]|//)", re.MULTILINE)
-_ARROW_MISSING_WORDS = ["NaN", *(spell(word) for word in MISSING_WORDS for spell in (str, str.upper, str.title))]
 
 
 def line_blocks(file: BinaryIO, end: int | None = None) -> Iterator[bytes]:
@@ -101,7 +98,7 @@ def data_lines(lines: Sequence[str], before: int = 0) -> list[tuple[int, str]]:
 
 
 def read_numbers(
-    file: BinaryIO, end: int | None, skipped: int, width: int, delimiter: str | None, decimal: str, *, arrow: bool
+    file: BinaryIO, end: int | None, skipped: int, width: int, delimiter: str | None, decimal: str
 ) -> list[np.ndarray] | None:
     """Return `width` columns, shape (n,) each, of the rows after the first `skipped` lines and before the byte `end`.
 
@@ -120,63 +117,28 @@ def read_numbers(
                 lines = text.splitlines(keepends=True)
             block = text[sum(map(len, lines[:skipped])) :].encode()
             skipped = max(skipped - len(lines), 0)
-        found = _arrow_numbers(block, width, delimiter, decimal) if arrow and delimiter is not None else None
-        if found is None:
-            found = _numpy_numbers(block, width, delimiter, decimal)
-        if found is None:
-            return None
-        n = len(found[0]) if found else 0
-        if filled + n > len(columns[0]):
+        most = filled + block.count(b"\n") + block.count(b"\r") + 1
+        if width and most > len(columns[0]):
             # Rows are similar in length, so that mostly one allocation is enough.
-            expected = max(filled + n + filled // 4, int(1.02 * size * (filled + n) / read))
-            for column in columns:
-                column.resize(expected, refcheck=False)
-        for column, part in zip(columns, found, strict=bool(found)):
-            column[filled : filled + n] = part
-        filled += n
+            room = max(most + filled // 4, int(1.02 * size * most / read))
+            longer = [np.empty(room) for _ in columns]
+            for column, new in zip(columns, longer, strict=True):
+                new[:filled] = column[:filled]
+            columns = longer
+        found = None
+        if delimiter is not None:
+            found = _core.read_rows(block, columns, filled, delimiter, decimal, [*MISSING_WORDS])
+        if found is None:
+            parts = _numpy_numbers(block, width, delimiter, decimal)
+            if parts is None:
+                return None
+            found = filled + (len(parts[0]) if parts else 0)
+            for column, part in zip(columns, parts, strict=bool(parts)):
+                column[filled:found] = part
+        filled = found
     for column in columns:
         column.resize(filled, refcheck=False)
     return columns
-
-
-def _arrow_numbers(block: bytes, width: int, delimiter: str, decimal: str) -> list[np.ndarray] | None:
-    """Return the columns of a block by Arrow; None without Arrow, or for what it does not read as the others do."""
-    try:
-        import pyarrow
-        from pyarrow import csv
-    except ImportError:
-        return None
-    names = [str(i) for i in range(width)]
-    try:
-        table = csv.read_csv(
-            pyarrow.BufferReader(block),
-            csv.ReadOptions(use_threads=False, block_size=len(block) + 1, column_names=names),
-            csv.ParseOptions(delimiter=delimiter, quote_char=False),
-            csv.ConvertOptions(
-                column_types=dict.fromkeys(names, pyarrow.float64()),
-                null_values=_ARROW_MISSING_WORDS,
-                decimal_point=decimal,
-                check_utf8=False,
-            ),
-            memory_pool=pyarrow.system_memory_pool(),
-        )
-    except (pyarrow.ArrowInvalid, pyarrow.ArrowTypeError):
-        return None
-    # Arrow's own way to NumPy loads pandas, which takes as long as to read 20 MB.
-    columns = [
-        np.from_dlpack(chunk.fill_null(np.nan) if chunk.null_count else chunk)
-        for chunk in (column.combine_chunks() for column in table.columns)
-    ]
-    # A line of tabs alone is no row, which Arrow does not tell from one of missing samples.
-    return None if delimiter.isspace() and _has_empty_row(columns) else columns
-
-
-def _has_empty_row(columns: list[np.ndarray]) -> bool:
-    """Whether some row holds missing samples alone."""
-    missing = np.isnan(columns[0])
-    for column in columns[1:]:
-        missing &= np.isnan(column)
-    return bool(missing.any())
 
 
 def _numpy_numbers(block: bytes, width: int, delimiter: str | None, decimal: str) -> list[np.ndarray] | None:

@@ -44,7 +44,6 @@ from ._labelled_rows import plain_table, table_without_units
 from ._last_row import cut_row
 from ._lost_rows import LostRows, RowWidths
 from ._number_blocks import (
-    MIN_ARROW_FILE_BYTES,
     MISSING_WORDS,
     data_lines,
     is_comment,
@@ -140,14 +139,14 @@ def read(path: Path) -> Columns:
         start = file.read(4096)
         if (encoding := _wide_encoding(start)) is not None:
             text = path.read_bytes().decode(encoding, errors="replace")
-            return _whole_or_parts(path, io.BytesIO(text.encode()), None, arrow=False)
+            return _whole_or_parts(path, io.BytesIO(text.encode()), None)
         if start.count(b"\0") > MAX_NUL_SHARE * len(start):
             raise RecordingError(f"{path.name}: found binary content, expected text")
         file.seek(0)
-        return _whole_or_parts(path, file, end, arrow=path.stat().st_size >= MIN_ARROW_FILE_BYTES)
+        return _whole_or_parts(path, file, end)
 
 
-def _whole_or_parts(path: Path, file: BinaryIO, end: int | None, *, arrow: bool) -> Columns:
+def _whole_or_parts(path: Path, file: BinaryIO, end: int | None) -> Columns:
     """Return the columns of one table, or of the recordings that a file holds below each other under one header."""
     start = file.read(LABELLED_SAMPLE_BYTES)
     file.seek(0)
@@ -164,7 +163,7 @@ def _whole_or_parts(path: Path, file: BinaryIO, end: int | None, *, arrow: bool)
         if plain is not None:
             return read_table(path, io.BytesIO(plain))
         file.seek(0)
-    found = read_table(path, file, end, arrow=arrow)
+    found = read_table(path, file, end)
     if not found.values or any(isinstance(x, np.ndarray) for x in found.values.values()):
         return found
     file.seek(0)
@@ -213,12 +212,10 @@ def _repeated_tables(content: bytes) -> dict[str, bytes]:
     return parts
 
 
-def read_table(
-    path: Path, file: BinaryIO, end: int | None = None, delimiter: str | None = None, *, arrow: bool = False
-) -> Columns:
+def read_table(path: Path, file: BinaryIO, end: int | None = None, delimiter: str | None = None) -> Columns:
     """Return the columns of the table in an open file up to its byte `end`; without a `delimiter`, it is found."""
     layout = _find_layout(path, line_blocks(file, end), delimiter)
-    columns: Sequence[np.ndarray | _Cells] | None = _plain_columns(layout, file, end, arrow=arrow)
+    columns: Sequence[np.ndarray | _Cells] | None = _plain_columns(layout, file, end)
     lost = LostRows()
     if columns is None:
         columns = _cell_columns(path, layout, file, end, lost)
@@ -433,13 +430,11 @@ def _certain_mark(rows: list[list[str]]) -> str | None:
     return None if "," in evidence.either else "."
 
 
-def _plain_columns(layout: _Layout, file: BinaryIO, end: int | None, *, arrow: bool) -> list[np.ndarray] | None:
+def _plain_columns(layout: _Layout, file: BinaryIO, end: int | None) -> list[np.ndarray] | None:
     """Return the columns of a table of plain numbers, shape (n,) each; None if it is not certain that it is one."""
     if layout.decimal is None:
         return None
-    columns = read_numbers(
-        file, end, layout.skipped, layout.width, layout.delimiter, decimal=layout.decimal, arrow=arrow
-    )
+    columns = read_numbers(file, end, layout.skipped, layout.width, layout.delimiter, layout.decimal)
     if columns is None:
         return None
     if layout.width > 1 and not layout.is_last_named and np.isnan(columns[-1]).all():
