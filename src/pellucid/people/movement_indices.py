@@ -7,6 +7,7 @@ one value of each participant and condition; `isochrony` says how mean velocity 
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -251,8 +252,8 @@ def cell_means(
     """
     sums: dict[tuple, list[float]] = {}
     for m in movements:
-        value = m.values.get(of, np.nan)
-        if np.isfinite(value) and direction in ("", m.cell[1]):
+        value = m.values.get(of, math.nan)
+        if math.isfinite(value) and direction in ("", m.cell[1]):
             sums.setdefault((m.participant, m.condition, m.cell), []).append(value)
     if spread:
         return {key: float(np.std(each, ddof=1)) for key, each in sums.items() if len(each) > 1}

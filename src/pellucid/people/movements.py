@@ -38,7 +38,7 @@ from .._errors import RecordingError
 from ..files.optical import OpticalRecording
 from ..numerics.even_times import even_times
 from ..numerics.filters import central_difference, runs, zero_phase_lowpass
-from ..numerics.motion import moving_samples, tangential_speed
+from ..numerics.motion import tangential_speed
 from ..units import COORDINATES_BY_UNIT
 
 
@@ -347,7 +347,8 @@ def _movement(
     seen = speed
     if rule.ends == "all":
         seen = _without_ringing(speed, ahead, main, motion, low, rule)
-        first, last = moving_samples(seen, rule.threshold)
+        moving = np.flatnonzero(seen > rule.threshold * top)
+        first, last = int(moving[0]), int(moving[-1])
     else:
         first, last = main.start, main.stop - 1
     n = int(np.count_nonzero(motion.lost[low + first : low + last + 1]))
@@ -371,13 +372,14 @@ def _movement(
     # What rests divide has settled; where targets do, the next may come before it has.
     settled = stretch.goal is None or rest >= MOVEMENT_BOUNDS.min_rest_s
     travel = direction * (motion.angle[low + last] - motion.angle[low + first])
-    later = slice(main.stop, last + 1)
-    moves = seen[later] > rule.threshold * top
-    corrections = sum(len(runs(moves & (way * ahead[later] > 0.0))) for way in (1.0, -1.0)) if moves.any() else 0
+    later, corrections = slice(main.stop, last + 1), 0
+    if main.stop <= last:
+        moves = seen[later] > rule.threshold * top
+        corrections = sum(len(runs(moves & (way * ahead[later] > 0.0))) for way in (1.0, -1.0))
     # The braking of a correction backwards is no acceleration of the movement.
     inside = slice(low + first, low + last + 1)
-    towards = direction * motion.velocity[inside] > 0.0
-    if not towards.any():
+    accelerations = direction * motion.acceleration[inside][direction * motion.velocity[inside] > 0.0]
+    if not len(accelerations):
         return NoMovement(stretch, "direction", "no motion in the direction of its travel", "some")
     return Movement(
         first=low + first,
@@ -391,7 +393,7 @@ def _movement(
         peak_velocity=top,
         mean_velocity=float(travel / duration),
         peak_time=(peak - first) / (last - first),
-        peak_acceleration=float(np.max(direction * motion.acceleration[inside][towards])),
+        peak_acceleration=float(accelerations.max()),
         goal=stretch.goal,
         lasted=duration if settled else duration + rest,
         first_arrival=(main.stop - 1 - first) / motion.fs,
@@ -496,7 +498,10 @@ def _rival(speed: np.ndarray, peak: int) -> tuple[float, float]:
 
     Only maxima across a valley below `max_valley_share` count.
     """
-    inner = np.flatnonzero((speed[1:-1] >= speed[:-2]) & (speed[1:-1] > speed[2:])) + 1
+    rises = speed[1:] >= speed[:-1]
+    inner = np.flatnonzero(rises[:-1] > rises[1:]) + 1
+    if len(inner) == 1 and inner[0] == peak:
+        return 0.0, 1.0
     inner = inner[(speed[inner] / speed[peak] > MOVEMENT_BOUNDS.min_rival_peak_share) & (inner != peak)]
     best, valley = 0.0, 1.0
     for other in inner:

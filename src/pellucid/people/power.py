@@ -17,6 +17,7 @@ and, where they are `Active`, orders of conditions and movements in their order.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
@@ -300,17 +301,18 @@ def lasting_bounds(
     `change` maps the medians [s] in `compared` and in `control` to the change. Only cells of movements that occur in
     all `conditions` count.
     """
-    cells: dict[tuple, list[MovementDuration]] = {}
+    cells: dict[tuple[str, str], dict[tuple, list[MovementDuration]]] = {}
     for each in lasted:
-        cells.setdefault((each.participant, each.condition, each.cell), []).append(each)
-    longest = max((each.seconds for each in lasted if np.isfinite(each.seconds)), default=0.0)
+        own = cells.setdefault((each.participant, each.condition), {})
+        own.setdefault(each.cell, []).append(each)
+    longest = max((each.seconds for each in lasted if math.isfinite(each.seconds)), default=0.0)
     values, reached = [], []
     for person in participants:
-        shared = set.intersection(*({key[2] for key in cells if key[:2] == (person, c)} for c in conditions))
+        shared = set.intersection(*(set(cells.get((person, c), ())) for c in conditions))
         if not shared:
             return None
         found = [
-            [_bounded_median(cells[person, condition, cell], longest) for cell in sorted(shared, key=str)]
+            [_bounded_median(cells[person, condition][cell], longest) for cell in sorted(shared, key=str)]
             for condition in (control, compared)
         ]
         values.append([np.mean([value for value, _ in own]) for own in found])
