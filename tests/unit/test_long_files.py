@@ -169,6 +169,20 @@ def test_text_is_parsed_once(tmp_path, long_file, monkeypatch):
     assert len(opened) == 2
 
 
+def test_kept_numbers_have_the_same_bits_in_the_shortest_type(tmp_path, long_file):
+    rows = [
+        (i, i - 2**15, 2**31 - 1 - i, i + 2**31, i if i else "-0", i if i < 150 else "", 0.5 * i) for i in range(200)
+    ]
+    kinds = dict(zip("abcdefg", ("<i2", "<i2", "<i4", "<f8", "<f8", "<f8", "<f8"), strict=True))
+    long_file.write_text("\n".join([",".join(kinds), *(",".join(map(str, row)) for row in rows), ""]))
+    keeping.kept_columns(tmp_path / "kept", long_file, "0" * 64)
+    found = keeping.kept_columns(tmp_path / "kept", long_file, "0" * 64)
+    assert {name: entry[3] for name, entry in found.values._entries.items()} == kinds
+    for name in kinds:
+        assert found[name].dtype == float
+        np.testing.assert_array_equal(found[name].view(np.int64), read_columns(long_file)[name].view(np.int64))
+
+
 def test_what_is_damaged_is_read_again_from_its_file(tmp_path, long_file):
     keeping.kept_columns(tmp_path / "kept", long_file, "0" * 64)
     (kept,) = (tmp_path / "kept").iterdir()

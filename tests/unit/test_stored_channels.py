@@ -7,12 +7,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pellucid.files import stored_channels
+from pellucid.files import kept_columns, stored_channels
 from pellucid.files.optical import OpticalRecording
+from pellucid.files.readers.read import read_columns
 from pellucid.files.recording import Channel, Recording
 from pellucid.files.stored_channels import ChannelStore, StoredChannel
+from pellucid.study.procedures.registry import open_study
 
 COUNT = 5000
+
+STUDY = """
+name = "kept"
+[rig]
+motion = "rotary"
+drive = { kind = "torque" }
+[channels]
+time = { column = "t", unit = "s" }
+emg.biceps = { column = "c", unit = "V", scale = 1.5e-7 }
+position = { column = "q", unit = "deg", sign = -1 }
+torque = { column = "q", unit = "N*m" }
+motor_position = { column = "k", unit = "rad", wrap_bits = 8 }
+[[recordings]]
+name = "a"
+file = "recordings/a.csv"
+use = "fit"
+[processing]
+cut = "none"
+"""
 
 
 def recording(name: str, *, seed: int = 0, stream: bool = True) -> Recording:
@@ -88,3 +109,27 @@ def test_many_arrays_are_held_at_once_by_one_file_descriptor(store):
     held = [arrays[str(i)] for i in range(400)]
     assert len(list(Path("/proc/self/fd").iterdir())) == first
     assert [x[0] for x in held] == list(range(400))
+
+
+def test_channels_of_a_kept_file_are_read_from_it_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(kept_columns, "MIN_FILE_BYTES", 1)
+    monkeypatch.setattr(stored_channels, "MAX_HELD_BYTES", 0)
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    rng = np.random.default_rng(3)
+    counts, angle = rng.integers(-2000, 2000, COUNT), np.cumsum(rng.normal(size=COUNT))
+    rows = zip(range(COUNT), counts.tolist(), angle.tolist(), (np.arange(COUNT) % 256).tolist(), strict=True)
+    text = "".join(f"{i / 1000:.3f},{c},{q!r},{k}\n" for i, c, q, k in rows)
+    (tmp_path / "recordings" / "a.csv").write_text("t,c,q,k\n" + text, encoding="utf-8")
+    study = open_study(tmp_path)
+    (recording,) = study.recordings()
+    store = study.kept.store
+    assert store._end == 8 * COUNT  # what follows from its neighbours is written
+    first, (alone,) = recording.channels["emg.biceps"], [read_columns(tmp_path / "recordings" / "a.csv")]
+    np.testing.assert_array_equal(first.samples, 1.5e-7 * alone["c"])
+    np.testing.assert_array_equal(first.within(slice(20, 90, 3)).samples, 1.5e-7 * alone["c"][20:90:3])
+    np.testing.assert_array_equal(recording["position"], -np.deg2rad(alone["q"]))
+    assert np.all(np.diff(recording["motor_position"]) > 0.0)
+    assert not first.samples.flags.writeable
+    assert type(replace(first, name="emg.triceps")) is Channel
+    assert type(pickle.loads(pickle.dumps(first))) is Channel

@@ -1,9 +1,9 @@
 """Keep the columns of long files in a study's folder as numbers, so that text is parsed only once.
 
 A kept file is named after the checksums of its source file and of the readers. It consists of the user's seal, a line
-of JSON (names, units, lengths, checksums) and the columns one after another, as little-endian float64. Only
-requested columns are read. A file without this user's seal is written anew. Nothing is kept in a folder that cannot be
-written, and no more than `MAX_KEPT_BYTES` altogether.
+of JSON (names, units, lengths, checksums) and the columns one after another, as little-endian numbers of the shortest
+type that holds them exactly. Only requested columns are read. A file without this user's seal is written anew. Nothing
+is kept in a folder that cannot be written, and no more than `MAX_KEPT_BYTES` altogether.
 
 A seal shows that this user wrote a file: it holds the content's size, its checksum, and a mark that requires the key in
 the user's folder of settings.
@@ -37,8 +37,14 @@ MAX_KEPT_BYTES = 4_000_000_000
 FILE_ENDING = ".columns"
 """Ending of the names of kept files."""
 
-STORED_DTYPE = np.dtype("<f8")
-"""Type of the stored numbers."""
+STORED_DTYPES = {name: np.dtype(name) for name in ("<i2", "<i4", "<f8")}
+"""Types of the stored numbers by name, the shortest first."""
+
+ALIGNMENT_BYTES = 8
+"""Each column begins at a multiple of this many bytes, as the processor reads numbers best."""
+
+USUAL_EVIDENCE_COUNT = 100
+"""Whether a shorter type holds a column mostly shows in this many numbers."""
 
 _VERIFIED_COLUMNS: dict[tuple[str, int, int], set[str]] = {}
 """Columns whose checksums this process has verified, by what `_state_of` says of their file."""
@@ -125,11 +131,10 @@ class KeptColumns(Mapping):
         entry = self._entries[name]
         if isinstance(entry, str):
             return entry
-        at, n, checksum = entry
+        at, n, checksum, dtype = entry
+        stored = STORED_DTYPES[dtype]
         try:
-            column = (
-                np.memmap(self._path, STORED_DTYPE, "r", self._start + at, (n,)) if n else np.empty(0, STORED_DTYPE)
-            )
+            column = np.memmap(self._path, stored, "r", self._start + at, (n,)) if n else np.empty(0, stored)
             if name in self._verified or _checksum(column) == checksum:
                 self._verified.add(name)
                 return np.asarray(column).astype(float, copy=False)
@@ -166,7 +171,10 @@ def _read_kept(path: Path, source: Path) -> Columns | None:
         head, start = json.loads(line), SEAL_LENGTH + len(line)
         for entry in head["columns"].values():
             # A truncated file holds less than its header states.
-            if not isinstance(entry, str) and start + entry[0] + entry[1] * STORED_DTYPE.itemsize > path.stat().st_size:
+            if isinstance(entry, str):
+                continue
+            at, n, _, dtype = entry
+            if start + at + n * STORED_DTYPES[dtype].itemsize > path.stat().st_size:
                 return None
         verified = _VERIFIED_COLUMNS.pop(_state_of(path), set())
         columns = Columns(
@@ -188,10 +196,16 @@ def _keep(path: Path, columns: Columns) -> Columns:
     """Store columns and return them as read from the stored file; return the given ones if they cannot be stored."""
     if not all(isinstance(x, str) or (x.ndim == 1 and x.dtype == float) for x in columns.values.values()):
         return columns
-    entries, at = {}, 0
+    entries: dict[str, tuple[int, int, str, str] | str] = {}
+    parts, at = [], 0
     for name, x in columns.values.items():
-        entries[name] = x if isinstance(x, str) else (at, len(x), _checksum(np.ascontiguousarray(x, STORED_DTYPE)))
-        at += 0 if isinstance(x, str) else x.nbytes
+        if isinstance(x, str):
+            entries[name] = x
+            continue
+        part = _shortest(x)
+        entries[name] = at, len(x), _checksum(part), part.dtype.str
+        parts.append(part)
+        at += part.nbytes + -part.nbytes % ALIGNMENT_BYTES
     if at > MAX_KEPT_BYTES or any(isinstance(name, int) for name in columns.units):
         return columns
     head = {
@@ -202,19 +216,34 @@ def _keep(path: Path, columns: Columns) -> Columns:
     }
     text = json.dumps(head).encode()
     line = (
-        text + b" " * (-(len(text) + 1) % STORED_DTYPE.itemsize) + b"\n"
-    )  # the padding aligns the numbers for the processor
+        text + b" " * (-(len(text) + 1) % ALIGNMENT_BYTES) + b"\n"
+    )
     try:
         with atomically(path) as file:
             file.write(seal(line, path.name.encode()) + line)
-            for x in columns.values.values():
-                if not isinstance(x, str):
-                    file.write(np.ascontiguousarray(x, STORED_DTYPE).data)
+            for part in parts:
+                file.write(part.data)
+                file.write(bytes(-part.nbytes % ALIGNMENT_BYTES))
         _remove_old_files(path)
     except OSError:
         return columns  # the folder cannot be written, or is full
     kept = KeptColumns(path, SEAL_LENGTH + len(line), entries, columns.path, set(entries))
     return Columns(columns.path, kept, columns.angle_unit, columns.units)
+
+
+def _shortest(column: np.ndarray) -> np.ndarray:
+    """Return the same numbers, (n,), in the shortest of `STORED_DTYPES` that holds the bits of each."""
+    *short, widest = STORED_DTYPES.values()
+    column = np.ascontiguousarray(column)
+    with np.errstate(invalid="ignore"):
+        for dtype in short:
+            for part in (column[:USUAL_EVIDENCE_COUNT], column):
+                made = part.astype(dtype)
+                if not np.array_equal(made.astype(float).view(np.int64), part.view(np.int64)):
+                    break
+            else:
+                return made
+    return column.astype(widest, copy=False)
 
 
 def _state_of(path: Path) -> tuple[str, int, int]:

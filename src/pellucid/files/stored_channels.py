@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from tempfile import TemporaryFile
-from typing import IO, Any
+from typing import IO, Any, Protocol
 from weakref import finalize
 
 import numpy as np
@@ -58,6 +58,35 @@ class StoredArrays(Mapping):
 
     def __reduce__(self):
         return dict, ({name: np.array(samples) for name, samples in self.items()},)
+
+
+class SourceSamples(Protocol):
+    """Samples that can be read again."""
+
+    shape: tuple[int, ...]
+
+    def read(self) -> np.ndarray:
+        """Return all samples, read-only."""
+
+    def read_rows(self, first: int, stop: int) -> np.ndarray:
+        """Return samples from `first` to before `stop`, read-only."""
+
+
+class SourcedChannel(Channel):
+    """A channel whose samples a store need not write: they can be read again. A changed copy is a plain channel."""
+
+    def __new__(cls, name: str, samples: np.ndarray, unit: str, column: str | int) -> Channel:  # type: ignore[misc]
+        return Channel(name, samples, unit, column)
+
+    @classmethod
+    def of(cls, channel: Channel, source: SourceSamples) -> Channel:
+        """Return a channel whose samples are also those of a `source`."""
+        made = object.__new__(cls)
+        made.__dict__.update(channel.__dict__, _array=source)
+        return made
+
+    def __reduce__(self):
+        return Channel, (self.name, self.samples, self.unit, self.column)
 
 
 class StoredChannel(Channel):
@@ -154,7 +183,9 @@ class ChannelStore:
             return channel
         if id(channel) not in self._stored:
             stored = object.__new__(StoredChannel)
-            array = self._write(channel.samples)
+            array = (
+                channel.__dict__["_array"] if isinstance(channel, SourcedChannel) else self._write(channel.samples)
+            )
             stored.__dict__.update(name=channel.name, unit=channel.unit, column=channel.column, _array=array)
             self._stored[id(channel)] = channel, stored
         return self._stored[id(channel)][1]

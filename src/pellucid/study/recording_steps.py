@@ -23,12 +23,12 @@ from ..files.defects.garbage import KIND as GARBAGE_KIND
 from ..files.defects.garbage import find_garbage, zeroed_rows, zeroed_text
 from ..files.defects.missing import interpolate_short_losses
 from ..files.delay import initial_offset, join_stream, shift_channels, undo_lags
-from ..files.kept_columns import kept_columns
+from ..files.kept_columns import KeptColumns, kept_columns
 from ..files.optical import AXES, OpticalRecording
 from ..files.pieces import pieces_between_cuts
 from ..files.readers.read import find_lost_end
 from ..files.recording import MAXIMAL_PROTOCOL, Channel, Payload, Recording, trim_missing_ends, within_streams
-from ..files.stored_channels import ChannelStore
+from ..files.stored_channels import ChannelStore, SourcedChannel
 from ..units import contradicts_unit
 from .find_defects import find_cuts, regressed_joints, watched_part
 
@@ -533,7 +533,7 @@ def make_channels(
         values = _without_empty_ends(values)
         values["time"] = np.arange(max((len(samples) for samples in values.values()), default=0)) / rate
     time = values["time"]
-    n = len(time)
+    n, single = len(time), {name for name, samples in values.items() if len(samples) == 1}
     for name, samples in values.items():
         if len(samples) == 1 and n != 1:
             values[name] = np.full(n, samples[0])
@@ -552,7 +552,36 @@ def make_channels(
         values = {name: samples[inside] for name, samples in values.items()}
     for samples in values.values():
         samples.flags.writeable = False  # so that the channel does not copy them
-    return {name: Channel(name, values[name], spec.si_unit, spec.column) for name, spec in specs.items()}
+    channels = {name: Channel(name, values[name], spec.si_unit, spec.column) for name, spec in specs.items()}
+    if window is not None or rate is not None or not isinstance(columns.values, KeptColumns):
+        return channels
+    sourced = {
+        name: SourcedChannel.of(channel, _KeptSamples(columns, channel, specs[name]))
+        for name, channel in channels.items()
+        if _converts_each_sample(specs[name]) and name not in single
+    }
+    return channels | sourced
+
+
+def _converts_each_sample(spec: ChannelSpec) -> bool:
+    """Return whether each sample follows from one stored number, whatever the others are."""
+    other = (spec.value, spec.minus, spec.interleaved, spec.stacked, spec.wrap_bits, spec.wrap)
+    return all(each is None for each in other)
+
+
+class _KeptSamples:
+    """Samples of a channel, from the kept columns of its file."""
+
+    def __init__(self, columns: Columns, channel: Channel, spec: ChannelSpec):
+        self._columns, self._name, self._spec, self.shape = columns, channel.name, spec, channel.samples.shape
+
+    def read(self) -> np.ndarray:
+        return self.read_rows(0, self.shape[0])
+
+    def read_rows(self, first: int, stop: int) -> np.ndarray:
+        samples = _to_si(self._columns.column(self._spec.column, self._name)[first:stop], self._spec)
+        samples.flags.writeable = False
+        return samples
 
 
 def _without_empty_ends(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
