@@ -249,7 +249,7 @@ class Recording:
         return name in self.channels
 
     def __len__(self) -> int:
-        return len(self.time)
+        return len(self.channels["time"])
 
     @property
     def time(self) -> np.ndarray:
@@ -261,7 +261,8 @@ class Recording:
         """Shortest and longest time step of a long recording [s]; NaN for a short one, or if a time is missing."""
         if len(self) < BLOCK_SAMPLES:
             return np.nan, np.nan
-        blocks = (np.diff(self.time[i : i + BLOCK_SAMPLES + 1]) for i in range(0, len(self) - 1, BLOCK_SAMPLES))
+        time = self.time  # stored samples are read anew each time
+        blocks = (np.diff(time[i : i + BLOCK_SAMPLES + 1]) for i in range(0, len(time) - 1, BLOCK_SAMPLES))
         shortest, longest = zip(*((steps.min(), steps.max()) for steps in blocks), strict=True)
         return float(np.min(shortest)), float(np.max(longest))
 

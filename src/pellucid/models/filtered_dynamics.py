@@ -137,7 +137,6 @@ def filtered_rows(
     if not (vector[curved].any() or selection[curved].any()):
         return effort, rows
     # The body and what bends, without what is linear besides: less the body itself, all of it jumps with the velocity.
-    body = np.array(BODY_TERMS)
     bent = vector.copy()
     bent[[i for i in terms if i not in BODY_TERMS]] = 0.0
     candidates = np.array([*BODY_TERMS, *curved])
@@ -145,11 +144,12 @@ def filtered_rows(
     states = motion.position, _friction_velocity(motion), motion.acceleration
     whole, jacobian = _core.inverse_dynamics_jacobian(bent, *states, active)
     chosen = np.flatnonzero(selection[active].any(axis=0))
-    made, less = np.zeros((len(active), 1 + len(chosen))), np.zeros((len(body), 1 + len(chosen)))
+    made = np.zeros((len(active), 1 + len(chosen)))
     made[:, 1:] = selection[np.ix_(active, chosen)]
-    less[:, 0], less[:, 1:] = bent[body], selection[np.ix_(body, chosen)]
+    less = np.column_stack([bent, selection[:, chosen]])
     jumps = jacobian @ made
-    jumps -= _smooth_regressor(motion)[:, : len(BODY_TERMS)] @ less
+    body = tuple(i for i in BODY_TERMS if less[i].any())
+    jumps -= _body_regressor(motion, body) @ less[list(body)]
     jumps[:, 0] += whole
     added = motion.rows(motion.smooth(_given_way(jumps, motion)))
     rows[:, chosen] += added[:, 1:]
@@ -212,6 +212,13 @@ def _given_way(jumps: np.ndarray, motion: FilteredMotion) -> np.ndarray:
     """Return friction that jumps, (n, k), as far as it has built up along a motion."""
     direction = _presliding_direction(motion)
     return jumps if direction is None else np.abs(direction)[:, None] * jumps
+
+
+def _body_regressor(motion: FilteredMotion, terms: tuple[int, ...]) -> np.ndarray:
+    """Return the regressor of some of the `BODY_TERMS`, (n, k)."""
+    if len(motion.position) > MAX_CACHED_SAMPLES:
+        return regressor(motion.position, motion.velocity, motion.acceleration, terms)
+    return _smooth_regressor(motion)[:, [SMOOTH_TERMS.index(i) for i in terms]]
 
 
 def _smooth_regressor(motion: FilteredMotion) -> np.ndarray:

@@ -136,13 +136,14 @@ def sensor_ends(effort: np.ndarray, positions: Sequence[np.ndarray], rate: float
     prepared = _prepare(effort, positions, rate)
     if prepared is None:
         return ()
-    found = []
-    for sign in (1.0, -1.0):
-        ends = (_end(sign, prepared, share, rate) for share in RANGE_LIMITS.core_shares)
-        end = next((e for e in ends if e is not None), None)
-        if end is not None:
-            found.append(end)
-    return tuple(found)
+    tried = [(sign, share) for sign in (1.0, -1.0) for share in RANGE_LIMITS.core_shares]
+    told = {each: found for each in tried if (found := _regression(each[0], prepared, each[1])) is not None}
+    ends: dict[float, SensorEnd] = {}
+    for (sign, share), beyond in _samples_beyond(prepared, told).items():
+        if sign not in ends and beyond >= RANGE_LIMITS.min_beyond_samples:
+            end = _end(sign, prepared, share, rate, told[sign, share])
+            ends |= {} if end is None else {sign: end}
+    return tuple(ends.values())
 
 
 @dataclass(frozen=True)
@@ -253,21 +254,34 @@ def _blocks(n: int) -> Iterator[np.ndarray]:
         yield np.arange(first, min(first + RANGE_LIMITS.block_samples, n))
 
 
-def _end(sign: float, of: _Prepared, share: float, rate: float) -> SensorEnd | None:
-    """Return the end of the range on the side of `sign`; None if the motion shows none."""
-    told = _regression(sign, of, share)
-    if told is None:
-        return None
+def _margin(error: float, half: float) -> float:
+    """Return by how much a prediction with an `error` exceeds the range of which `half` is half, where it ends."""
+    return max(RANGE_LIMITS.min_residual_ratio * error, RANGE_LIMITS.min_range_share * half)
+
+
+def _samples_beyond(
+    of: _Prepared, told: dict[tuple[float, float], tuple[np.ndarray, float]]
+) -> dict[tuple[float, float], int]:
+    """Return for each regression, by its sign and share, how many usable samples it predicts beyond the range."""
+    if not told:
+        return {}
+    signs = np.array([sign for sign, _ in told])
+    values = np.column_stack([sign * values for (sign, _), (values, _) in told.items()])
+    ends = [of.top[sign] + _margin(error, of.half) for (sign, _), (_, error) in told.items()]
+    counts = np.zeros(len(signs), int)
+    for block in _blocks(len(of.recorded)):  # the columns of a block serve all regressions
+        counts += np.sum((of.columns(block) @ values > ends) & of.usable[block, None], axis=0)
+    return dict(zip(told, counts.tolist(), strict=True))
+
+
+def _end(
+    sign: float, of: _Prepared, share: float, rate: float, told: tuple[np.ndarray, float]
+) -> SensorEnd | None:
+    """Return the end of the range on the side of `sign` by the regression that was `told`; None if there is none."""
     (values, error), half, top, usable, recorded = told, of.half, of.top[sign], of.usable, of.recorded
-    margin = max(RANGE_LIMITS.min_residual_ratio * error, RANGE_LIMITS.min_range_share * half)
-
-    def predict(block: np.ndarray) -> np.ndarray:
-        return of.columns(block) @ values
-
-    beyond = np.concatenate([sign * predict(block) > top + margin for block in _blocks(len(recorded))]) & usable
-    if beyond.sum() < RANGE_LIMITS.min_beyond_samples:
-        return None
-    predicted = np.concatenate([predict(block) for block in _blocks(len(recorded))])
+    margin = _margin(error, half)
+    predicted = np.concatenate([of.columns(block) @ values for block in _blocks(len(recorded))])
+    beyond = (sign * predicted > top + margin) & usable
     least = RANGE_LIMITS.min_recorded_share
     if np.mean(sign * recorded[beyond] >= top - (1.0 - least) * half) < least:
         return None

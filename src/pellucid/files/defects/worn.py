@@ -67,7 +67,11 @@ class Worn:
 
 
 def find_worn(
-    time: np.ndarray, position: np.ndarray, effort: np.ndarray, test: WearerTest = WearerTest()
+    time: np.ndarray,
+    position: np.ndarray,
+    effort: np.ndarray,
+    kept: np.ndarray | None = None,
+    test: WearerTest = WearerTest(),
 ) -> Worn | None:
     """Return what shows that somebody wears a robot; None if a machine alone may have moved so.
 
@@ -75,13 +79,15 @@ def find_worn(
     ----------
     time, position, effort : ndarray, shape (n,) each
         Evenly sampled time [s], position of a joint [rad or m], and what drives it, in any unit.
+    kept : ndarray of bool, shape (n,), optional
+        Which samples are used; all by default.
     test : WearerTest
         Thresholds.
     """
     known = np.isfinite(time) & np.isfinite(position) & np.isfinite(effort)
-    time, position, effort = time[known], position[known], effort[known]
-    first = max(0, (len(time) - test.max_samples) // 2)
-    time, position, effort = (x[first : first + test.max_samples] for x in (time, position, effort))
+    rows = np.flatnonzero(known if kept is None else known & kept)
+    first = max(0, (len(rows) - test.max_samples) // 2)
+    time, position, effort = (x[rows[first : first + test.max_samples]] for x in (time, position, effort))
     if len(time) < test.min_samples or np.ptp(position) == 0.0 or np.ptp(effort) == 0.0:
         return None
     step = float(np.median(np.diff(time)))

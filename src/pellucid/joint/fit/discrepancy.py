@@ -35,7 +35,7 @@ model's span identifies the neglected effects, the first term carries their bias
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Protocol, TypeVar
 
@@ -95,6 +95,11 @@ class States:
     heading: np.ndarray | None = None  # direction of friction, -1 to 1; the sign of the velocity if None
     # what friction may do where the joint turns, per unit of each column, (m, k); None if that is not described
     turning: np.ndarray | None = None
+
+    def part(self, rows: np.ndarray) -> States:
+        """Return the states in some rows; the usual travel and speed stay those of all."""
+        own = {each.name: x[rows] for each in fields(self) if isinstance(x := getattr(self, each.name), np.ndarray)}
+        return replace(self, **own, like=self.like or self)
 
     @property
     def direction(self) -> np.ndarray:
@@ -229,8 +234,9 @@ def collect_states(
         power = sum(float(m.velocity @ m.velocity) for m in data.motions)
         usual = np.sqrt(power / sum(len(m.velocity) for m in data.motions))
         slow = dead_band if dead_band > 0.0 else DISCREPANCY_SETTINGS.standstill_speed_share * float(usual)
-        signals = [np.column_stack([signal(m, slow) for signal in KINEMATIC_SIGNALS]) for m in data.motions]
-        known["_kinematics"] = tuple(np.ascontiguousarray(data.reduced(signals).T))
+        # Each motion is reduced in turn, to save memory.
+        parts = [m.rows(np.column_stack([signal(m, slow) for signal in KINEMATIC_SIGNALS])) for m in data.motions]
+        known["_kinematics"] = tuple(np.ascontiguousarray(np.concatenate(parts).T))
     position, velocity, acceleration, snap, standstill = known["_kinematics"]
     ends = np.cumsum(data.lengths)
     loads = [
@@ -442,9 +448,10 @@ def _effect_columns(
     """
     basis = np.linalg.qr(w)[0]
     made, words, sizes = [np.zeros((len(w), 0))], [], []
-    effects = [(name, physics(states)[rows]) for name, physics in NEGLECTED_EFFECTS.items()]
-    if states.turning is not None:
-        effects += [(TURNING_CAUSE, column) for column in states.turning[rows].T]
+    used = states.part(rows)
+    effects = [(name, physics(used)) for name, physics in NEGLECTED_EFFECTS.items()]
+    if used.turning is not None:
+        effects += [(TURNING_CAUSE, column) for column in used.turning.T]
     for name, column in effects:
         norm = float(np.linalg.norm(column))
         beside = float(np.linalg.norm(column - basis @ (basis.T @ column)))

@@ -88,11 +88,16 @@ class LeftOutColumns:
         self._beside = self._own[:, :0]
         # A twisted angle is no friction, and its column is nearly that of a misaligned axis.
         others = (*TRAVEL_EFFECTS, UNEQUAL_LOAD_LOSSES, TWISTED_ANGLE)
-        self.add([f(self.states) for n, f in NEGLECTED_EFFECTS.items() if n not in others])
+        used = self.states.part(self._rows)
+        self._add([f(used) for n, f in NEGLECTED_EFFECTS.items() if n not in others])
 
     def add(self, columns: Sequence[np.ndarray]) -> None:
         """Make columns, each of shape (m,), part of the model that causes extend."""
-        made, basis = self._made(columns), np.column_stack([self._own, self._beside])
+        self._add([each[self._rows] for each in columns])
+
+    def _add(self, columns: Sequence[np.ndarray]) -> None:
+        """Make columns in the rows that count part of the model."""
+        made, basis = self._scaled(columns), np.column_stack([self._own, self._beside])
         shared = basis.T @ made
         left = 1.0 - np.sum(shared * _solve(basis.T @ basis, shared), axis=0)
         self._beside = np.column_stack([self._beside, made[:, left > MIN_SQUARED_REMAINDER]])
@@ -184,8 +189,10 @@ class LeftOutColumns:
         return stiffness, float(np.sqrt(memory * np.mean(left**2) / size)), len(left) / memory
 
     def _made(self, columns: Sequence[np.ndarray]) -> np.ndarray:
-        made = np.column_stack([self._own[:, :0], *(each[self._rows] for each in columns)])
-        return _with_unit_columns(made)
+        return self._scaled([each[self._rows] for each in columns])
+
+    def _scaled(self, columns: Sequence[np.ndarray]) -> np.ndarray:
+        return _with_unit_columns(np.column_stack([self._own[:, :0], *columns]))
 
     def _left_out(self, columns: np.ndarray, target: np.ndarray) -> np.ndarray:
         """Return the residual, (k,), of each stretch by a fit of `columns`, (k, p), to the others."""
@@ -277,6 +284,6 @@ def _share_of_slow_samples(data: Stack[Motion], share: float) -> np.ndarray:
     if share not in known:  # computed once, because every model of these recordings has the same kinematics
         power = sum(float(m.velocity @ m.velocity) for m in data.motions)
         slow = share * np.sqrt(power / sum(len(m.velocity) for m in data.motions))
-        parts = [np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float))) for m in data.motions]
-        known[share] = data.reduced(parts)
+        parts = [m.rows(np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float)))) for m in data.motions]
+        known[share] = np.concatenate(parts)
     return known[share]

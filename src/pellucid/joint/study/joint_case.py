@@ -122,7 +122,7 @@ def _faults_of(recording: Recording, study: Study) -> list[Fault]:
             found, wanted = f"a copy of the command {name}, {late}", "a measurement"
             message = f"{where}, channel {drive}: found {found}, expected {wanted}"
             faults.append(Fault("warn", echoed.KIND, recording.path.name, drive, found, wanted, message))
-    seen = worn.find_worn(recording.time[kept], recording["position"][kept], recording[drive][kept])
+    seen = worn.find_worn(recording.time, recording["position"], recording[drive], kept)
     if seen is not None:
         found, wanted = "; ".join(seen.reasons), f"a machine alone; it was probably worn. {WORN_ADVICE}"
         message = f"{where}, channel {drive}: found that {found}, expected {wanted}"

@@ -22,6 +22,9 @@ MIN_EXPLAINED_SHARE = 0.5
 UNCOPYABLE_QUANTITIES = {"time", "position", "motor_position", "velocity"}
 """Quantities that an effort channel must not be a copy of."""
 
+FIRST_SAMPLES = slice(1000)
+"""Samples that are compared first: channels that differ there are no copies."""
+
 COPY_TOLERANCE = 1e-6
 """Two channels of one column are copies if a factor and an offset explain all but this share of the largest sample."""
 
@@ -96,8 +99,9 @@ def _copied(recording: Recording, drive: str) -> Iterator[Fault]:
     for name, channel in recording.channels.items():
         if name.partition(".")[0] not in UNCOPYABLE_QUANTITIES or few_levels([channel.samples]) is not None:
             continue
-        same = np.array_equal(channel.samples, effort.samples, equal_nan=True)
-        if same or (channel.column == effort.column and _is_proportional(channel.samples, effort.samples)):
+        pair = channel.samples, effort.samples
+        same = all(np.array_equal(*(x[some] for x in pair), equal_nan=True) for some in (FIRST_SAMPLES, slice(None)))
+        if same or (channel.column == effort.column and _is_proportional(*pair)):
             found = f"the samples of {name} (recording {recording.name})"
             wanted = f"the effort's own: check the columns of {drive} and {name} in [channels]"
             yield _fault("refuse", recording.path.name, drive, found, wanted, "copied_effort")
