@@ -320,8 +320,10 @@ def _without_count_row(
     if header is None or len(arrays) < 2 or len(arrays) < len(values) or len(arrays[0]) < 3:
         return values, units
     first, others = arrays[0], arrays[1:]
+    if not np.isnan(first[0]):
+        return values, units
     counts = [int(np.isfinite(x[1:]).sum()) for x in others]
-    if np.isnan(first[0]) and all(x[0] in (n, len(x) - 1) for x, n in zip(others, counts, strict=True)):
+    if all(x[0] in (n, len(x) - 1) for x, n in zip(others, counts, strict=True)):
         return {name: x[1:] for name, x in values.items()}, units
     return values, units
 
@@ -395,7 +397,7 @@ def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> 
     if not lines:
         raise RecordingError(f"{path.name}: found no row of data, expected rows of numbers below a header")
     require_narrow_lines(path, (line for _, line in lines[:20]))
-    delimiter = delimiter or _delimiter(_body([line for _, line in lines]))
+    delimiter = delimiter or _delimiter([line for _, line in _body(lines)])
     split = [_split(line, delimiter) for _, line in lines[: MAX_HEADER_LINES + MAX_SAMPLED_ROWS]]
     first = _first_row(split[:MAX_HEADER_LINES])
     if first is None:
@@ -624,8 +626,8 @@ def lost_end(path: Path) -> str:
     return f'an incomplete last row, "{cut.text if len(cut.text) <= 40 else f"{cut.text[:37]}..."}"'
 
 
-def _body(lines: list[str]) -> list[str]:
-    """Return lines from the middle of a table; a long preamble has no delimiter."""
+def _body(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return numbered lines from the middle of a table; a long preamble has no delimiter."""
     start = max(0, len(lines) // 2 - 10) if len(lines) > 40 else 0
     return lines[start : start + 20]
 
