@@ -96,8 +96,8 @@ GOALS = (
         "fit_joint second over lstsq",
         8.0,
         "second call of `fit_joint` over a filter and NumPy's least squares",
-        profile="It is the whole of `identify` for one family: a fifth is the fit with its intervals, and the others "
-        "are checks of the data.",
+        profile="It decides as `identify` does for one family: half fits and compares estimators, the rest filters, "
+        "aligns and checks the data.",
     ),
 )
 """Every ratio that has a bound, in the order of the page."""

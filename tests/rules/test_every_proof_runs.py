@@ -19,8 +19,11 @@ COMPARED = [name for folder, name in NAMES
             if "_peers import peer" in (RESEARCH / folder / f"{name}.py").read_text("utf-8")]  # fmt: skip
 """Benchmarks that compare with a peer."""
 
-QUICK_BENCHMARKS = ("hill", "kinematic_tree", "plant")
-"""Benchmarks that every run tries; all others run with the nightly tests."""
+QUICK_BENCHMARKS = (
+    "arm", "emg_estimator", "hill", "identification", "kinematic_tree", "laws", "muscle_calibration", "people", "plant",
+    "transfer_function",
+)  # fmt: skip
+"""Benchmarks that every run tries, in 3 s at most each; all others run with the nightly tests."""
 
 RUN = [
     pytest.param(folder, name, id=f"{folder}.{name}",
