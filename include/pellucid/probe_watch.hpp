@@ -14,6 +14,10 @@
 // 0 (Page's test): false alarms are rarer than one in e^evidence windows where the noise is Gaussian. E. S. Page,
 // "Continuous inspection schemes", Biometrika 41, 1954.
 //
+// An answer that neither a healthy nor a wrong drive gives, in whatever size, tells little of either: across backlash, or
+// where friction turns the joint round, a robot answers in another way. What the best explanation of the window leaves is
+// error, too: all ratios are divided by its mean square over the one that was expected, where that is above 1.
+//
 // Friction swallows the wave while the joint stands, so that only windows in which it mostly moves count.
 //
 // Until there is enough evidence of a fault, the joint is moved by a drive that nobody vouches for. So the way that it
@@ -292,7 +296,7 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
 
   // What was learnt from a few windows is less certain.
   const S novelty = S(1) + S(probe_novelty) / static_cast<S>(s.learnt);
-  S power = S(0), match = S(0), quiet = S(0), late[probe_delay_count] = {};
+  S power = S(0), match = S(0), quiet = S(0), total = S(0), late[probe_delay_count] = {};
   for (std::uint32_t i = 0; i < probe_wave_count; ++i) {
     const ProbePhasor<S> due = times(s.known[i], w.asked[i]), back{c.delay[i].cos, c.delay[i].sin};
     const S size = square(due);
@@ -300,6 +304,7 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
     quiet = quiet + S(probe_learnt_noise) * size + c.floor[i] - noise[i];
     if (!(variance > S(0))) continue;
     ProbePhasor<S> turned = against(w.answer[i], due);
+    total = total + square(w.answer[i]) / variance;
     power = power + size / variance;
     match = match + turned.real / variance;
     turned = against(turned, back);
@@ -310,12 +315,17 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
   }
   if (!(power > S(0))) return SafetyFault::none;
   // Where friction holds the joint for a part of the window, it may answer with less, and in the other direction.
+  S explained = match * match;
+  for (const S& m : late) explained = max(explained, m * m);
+  const S scale = max((total - explained / power) / S(probe_wave_count), S(1));
+  power = power / scale;
+  match = match / scale;
   const S least = S(probe_least_gain) - S(probe_standing_loss) * (S(1) - moves);
   const S nearest = clamp(match / power, least, S(probe_most_gain));
   const S healthy = nearest * (S(2) * match - nearest * power);
   const S wrong = S(probe_wrong_gain);
   S likelihood[probe_sum_count] = {-S(2) * match - power, wrong * (S(2) * match - wrong * power), S(0)};
-  for (std::uint32_t k = 0; k < probe_delay_count; ++k) likelihood[3 + k] = S(2) * late[k] - power;
+  for (std::uint32_t k = 0; k < probe_delay_count; ++k) likelihood[3 + k] = S(2) * late[k] / scale - power;
   const S wrongs = max(likelihood[0], max(likelihood[1], likelihood[2]));
   s.heard = max(s.heard + healthy - wrongs, S(0));
   if (s.heard >= S(probe_heard_evidence)) count_as_heard(s);

@@ -244,6 +244,30 @@ void evidence() {
       if (first > 0 && first < 12.5) check(second == F::gain || strict.params.evidence < 2 * first * 0.9, "found at the bound");
       if (first == 12.5) check(second == F::gain, "found by two windows");
     }
+  // An answer that no drive gives, wrong or right, tells little: two waves turned round and one turned half as far leave
+  // most of the window unexplained, as a robot across its backlash does.
+  for (const double size : {1.0, 2.0, 5.0}) {
+    p::ProbeWatchState<double> s;
+    p::ProbeWindowState<double> w;
+    s.learnt = 12, w.moving = 60;
+    for (int i = 0; i < 3; ++i) s.known[i] = {1.0, 0.0}, s.error[i] = 0.05, w.asked[i] = {10.0, 0.0};
+    w.answer[0] = {-10.0 * size, 0.0}, w.answer[1] = {10.0 * size, 0.0}, w.answer[2] = {0.0, 10.0 * size};
+    p::judge(c, s, w);
+    double power = 0, total = 0, best = 0;
+    for (int i = 0; i < 3; ++i) power += 100 / 7.5, total += 100 * size * size / 7.5;
+    for (int k = 0; k < 6; ++k) {  // no delay, and the five that are looked for
+      double match = 0;
+      for (int i = 0; i < 3; ++i) {
+        const double turn = -6.283185307179586 * p::probe_cycles[i] / 0.12 * 0.004 * (k == 0 ? 0 : k + 1);
+        match += 10 * (w.answer[i].real * std::cos(turn) + w.answer[i].imaginary * std::sin(turn)) / 7.5;
+      }
+      best = match * match > best ? match * match : best;
+    }
+    const double scale = (total - best / power) / 3;
+    check(scale > 1, "the example fits nothing");
+    // Nothing matches a drive without delay, so that healthy is worth the least gain, and no answer nothing.
+    check_close(s.sum[2], (0.36 * power) / scale, 1e-9, "evidence over what is left unexplained");
+  }
   // Evidence of any fault beyond a twenty-fifth of what a verdict needs keeps a right window from being learnt from.
   for (int k = 0; k < 8; ++k) {
     p::ProbeWindowState<double> w;
