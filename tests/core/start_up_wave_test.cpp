@@ -85,24 +85,26 @@ template <class S> void rest() {
 
 /// Whether the wave is broken off at its middle.
 template <class S> void ends_early() {
-  const auto periods = [](double least, double most, double answer) {
+  const auto periods = [](double least, double most, double answer, int trembles = 0) {
     const auto c = p::coefficients(wave<S>(least, most));
     p::StartUpTestState<S> s;
     s.rested = 5;
     bool done = false;
     S pushed = S(0);
     int k = 0;
-    while (!done && k < 99) {
-      pushed = p::step(c, s, S(0.001), S(answer) * pushed, S(0.25), done);
+    while (!done && k < 199) {
+      pushed = p::step(c, s, S(0.001), S(k < trembles ? 3 * answer : answer) * pushed, S(0.25), done);
       ++k;
     }
     check(pushed == S(0), "no effort at its end");
+    if (trembles > 0) check(p::shown(c.params, s) == F::none, "what one wave shows, another contradicts");
     return k;
   };
   // Half a wave of 2 sin: 0.001 x answer x 4 x 16 / 2 = 0.032 answer [J].
   check(periods(0.01, 0.1, 1) == 33, "right work goes on to the end");
-  check(periods(0.01, 0.03, 1) == 17, "too much ends in the middle");
-  check(periods(0.01, 0.1, -1) == 17, "and so does the wrong way");
+  check(periods(0.01, 0.03, 1) == 33 + 5 + 33 + 5 + 17, "too much ends in the middle, of the third wave");
+  check(periods(0.01, 0.04, 1, 33) == 33 + 5 + 33 && periods(0.01, 0.04, 1, 71) == 33 + 5 + 33 + 5 + 33, "one or two waves of a wearer who trembles");
+  check(periods(0.01, 0.1, -1) == 17, "and so does the wrong way, at once");
   check(periods(0.05, 0.1, 1) == 33, "a joint that hardly moved has its second half");
   check(periods(0.05, 0.1, -1) == 33, "whichever way");
 }
@@ -137,6 +139,7 @@ template <class S> void bounds() {
     s.rested = 5;
     s.count = 16;
     s.work = S(one.first);
+    s.waves = p::start_up_waves - 1;
     bool done = false;
     p::step(c, s, S(0.001), S(0), S(0.25), done);
     check(done == one.second, "whether it ends in the middle");

@@ -395,7 +395,7 @@ template <class S> void start_up(S gain, F wanted) {
   r.drive.expected = 0;
   Rig<S> rig(r);
   S v = S(0), impulse = S(0);
-  for (int k = 0; k < 400 && (k == 0 || rig.out.mode == M::start_up); ++k) {
+  for (int k = 0; k < 1200 && (k == 0 || rig.out.mode == M::start_up); ++k) {
     const S given = gain * rig.out.effort;
     impulse = impulse + S(1e-3) * std::fabs(rig.out.effort);
     v = v + S(1e-3) * (given - S(0.3) * p::clamp(S(20) * v, S(-1), S(1))) / S(0.05);

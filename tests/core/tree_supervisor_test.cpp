@@ -846,7 +846,7 @@ void start_up() {
     check(waves >= 2 * 28 && waves <= 2 * 40, "two waves");
     for (const S factor : {-1.0, 3.0}) {
       Rig wrong(r);
-      lives({0, 2}, odd, factor, wrong, 400);
+      lives({0, 2}, odd, factor, wrong, 1200);
       if (odd == 1) {
         check(wrong.mode() == M::running, "a joint without a test is not tested");
         continue;
