@@ -4,7 +4,7 @@ import math
 import re
 import threading
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from pellucid.controllers.study.commission import Commissioning, read_starts, st
 from pellucid.controllers.supervised import supervised
 from pellucid.live.udp import UdpBoard
 from pellucid.live.udp_robot import UdpRobot
-from pellucid_lab.commissioned_robot import JointNumbers, VirtualRobot
+from pellucid_lab.commissioned_robot import JointNumbers, VirtualRobot, virtual_robot
 
 NUMBERS = {
     "inertia": 0.05, "gravity_sine": 1.5, "velocity_width": 0.1, "effort_limit": 10.0,
@@ -139,6 +139,19 @@ def test_a_robot_behind_udp(tmp_path):
         UdpRobot("nowhere")
 
 
+@dataclass(frozen=True)
+class ReversedRobot:
+    """A virtual robot whose drive is wired the wrong way round."""
+
+    robot: VirtualRobot
+
+    def read(self):
+        return self.robot.read()
+
+    def write(self, effort, enable):
+        self.robot.write(-effort, enable=enable)
+
+
 def test_a_spring_is_refused_and_a_virtual_study_is_commissioned(tmp_path):
     pellucid.init(tmp_path / "bench", rig="bench-joint")
     pellucid.simulate(tmp_path / "bench")
@@ -151,6 +164,12 @@ def test_a_spring_is_refused_and_a_virtual_study_is_commissioned(tmp_path):
     assert (done.answer.badge, done.answer.sentence) == ("Yes", "sign and gain are right")
     assert done.answer.next_command == f"pellucid export {tmp_path / 'bench'}"
     pellucid.export(pellucid.open(tmp_path / "bench"))
+    asked = []
+    robot = ReversedRobot(virtual_robot(tmp_path / "bench")(False, 1e-3))
+    done = pellucid.commission(pellucid.open(tmp_path / "bench"), robot=robot, ask=asked.append)
+    assert (done.drive.is_right, done.written, done.answers.starts) == (False, (), 0)
+    assert len(asked) == 1
+    assert "Nobody wears the robot" in asked[0]
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -143,7 +144,7 @@ def commission(
 
     Ten starts of the robot that nobody wears tell sign, gain and delay, for its inertia is identified. Ten starts on a
     wearer at ease and twenty seconds of motion tell the answers of test and probe. They go into ``[rig.instruments]``
-    of study.toml, from which `export` takes them. Where the drive is not right, nothing is written.
+    of study.toml, from which `export` takes them. A drive that is not right meets no wearer, and nothing is written.
 
     Parameters
     ----------
@@ -197,38 +198,49 @@ def commission(
         raise PellucidError(f"commission of {study.name}: found a law that drives a spring, expected a joint's drive")
     law = protect_wearer(values, unmeasured=True, place=f"commission of {study.name}").supervised
     if logs or worn_logs:
-        source = "logs"
-        empty = read_starts(logs or worn_logs)
-        worn = read_starts(worn_logs) if worn_logs else empty
-    else:
-        source = "robot" if robot is not None else VIRTUAL_SOURCE
-        empty, worn = _play(study, law, cast(Robot | None, robot), wearer, ask)
-    drive = drive_check(empty, law.supervision["body_inertia"])
-    found = answers(law, worn)
-    written = state_answers(study.folder / "study.toml", found) if drive.is_right else ()
-    return Commissioning(source, drive, found, written, str(study.folder))
-
-
-def _play(
-    study: Study, law: SupervisedLaw, robot: Robot | None, wearer: bool, ask: Callable[[str], None]
-) -> tuple[list[StartLog], list[StartLog]]:
-    """Return starts without and with a wearer, played on a robot, or on the study's virtual one."""
+        drive = drive_check(read_starts(logs or worn_logs), law.supervision["body_inertia"])
+        return _answered("logs", study, law, drive, lambda: read_starts(worn_logs or logs))
     if robot is not None:
-        ask(f"{COMMISSIONING_CONDITION} Press Enter to apply power.")
-        empty = record_starts(robot, law, START_COUNT, worn=False, wave_factor=DRIVE_WAVE_FACTOR)
+        source, robot_of = "robot", _same_robot(cast(Robot, robot))
+    else:
+        source, robot_of = VIRTUAL_SOURCE, _virtual_robot(study)
+        ask = _nobody_to_ask
+    period = law.values["period"]
+    ask(f"{COMMISSIONING_CONDITION} Press Enter to apply power.")
+    empty = record_starts(robot_of(False, period), law, START_COUNT, worn=False, wave_factor=DRIVE_WAVE_FACTOR)
+
+    def record_answers() -> list[StartLog]:
         if wearer:
             ask("Put the robot on a relaxed wearer, who moves the joint for 20 s from the tenth start. Press Enter.")
-        return empty, record_starts(robot, law, START_COUNT, worn=wearer)
+        return record_starts(robot_of(wearer, period), law, START_COUNT, worn=wearer)
+
+    return _answered(source, study, law, drive_check(empty, law.supervision["body_inertia"]), record_answers)
+
+
+def _answered(
+    source: str, study: Study, law: SupervisedLaw, drive: DriveCheck, take_starts: Callable[[], Sequence[StartLog]]
+) -> Commissioning:
+    """Return a commissioning with the answers of starts that are taken only if the drive is right, and write them."""
+    if not drive.is_right:
+        return Commissioning(source, drive, Answers(None, math.nan, None, 0, 0), (), str(study.folder))
+    found = answers(law, take_starts())
+    return Commissioning(source, drive, found, state_answers(study.folder / "study.toml", found), str(study.folder))
+
+
+def _same_robot(robot: Robot) -> Callable[[bool, float], Robot]:
+    """Return a function that returns a robot, worn or not."""
+    return lambda worn, period: robot
+
+
+def _virtual_robot(study: Study) -> Callable[[bool, float], Robot]:
+    """Return the function that makes a study's virtual robot, worn or not, with a period [s]."""
     made = [plugin.value(study.folder) for plugin in load_plugins("pellucid.robots")]
     make = next((one for one in made if one is not None), None)
     if make is None:
         raise PellucidError(
             f"commission of {study.name}: found no virtual robot, expected --log FILE or --udp HOST:PORT"
         )
-    robot_of: Callable[[bool, float], Robot] = make
-    period = law.values["period"]
-    empty = record_starts(robot_of(False, period), law, START_COUNT, worn=False, wave_factor=DRIVE_WAVE_FACTOR)
-    return empty, record_starts(robot_of(wearer, period), law, START_COUNT, worn=wearer)
+    return make
 
 
 def read_starts(paths: Sequence[Path]) -> list[StartLog]:
