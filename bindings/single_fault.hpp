@@ -262,7 +262,7 @@ struct Nearest {
     excess = std::max(excess, body.excess);
     spent = std::max(spent, s.budget.spent);
     ringing = std::max(ringing, static_cast<double>(s.ringing.size));
-    shaking = std::max(shaking, static_cast<double>(s.shaking.mean));
+    shaking = std::max(shaking, static_cast<double>(s.shaking.smallest));
     surplus = std::max(surplus, static_cast<double>(pellucid::least_surplus(s.drive)));
     unexplained = std::max(unexplained, static_cast<double>(s.unexplained.energy));
     for (const auto& sum : s.probe.sum) probe = std::max(probe, static_cast<double>(sum));

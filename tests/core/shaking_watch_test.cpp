@@ -1,4 +1,4 @@
-// The watch for shaking: speeds of either direction, their smaller one, its mean and its limit, in both signs.
+// The watch for shaking: ways from turn to turn, the smallest of four in a row, its limit and its time, in both signs.
 #include "check.hpp"
 
 #include <pellucid/shaking_watch.hpp>
@@ -13,55 +13,78 @@ using F = p::SafetyFault;
 
 template <class S> void all() {
   const p::ShakingWatchParams<S> usual;
-  check(usual.recent == S(12) && usual.memory == S(0.7) && usual.slow == S(6), "a twelfth of a second, a second and a half, and a sixth");
-  const auto valid = [](S recent, S memory, S slow = S(0)) {
-    return p::coefficients(p::ShakingWatchParams<S>{S(1), recent, memory, slow}, S(0.5)).valid != 0;
+  check(usual.time == S(0.33) && usual.slow == S(6), "a third of a second, and a sixth");
+  const auto valid = [](S limit, S time, S slow, S period = S(0.5)) {
+    return p::coefficients(p::ShakingWatchParams<S>{limit, time, slow}, period).valid != 0;
   };
-  check(valid(S(1), S(1), S(1.75)) && !valid(S(1), S(1), S(2)) && !valid(S(1), S(1), S(-1)), "nor the slow part");
+  check(valid(S(1), S(1), S(1.75)) && !valid(S(1), S(1), S(2)) && !valid(S(1), S(1), S(-1)), "a slow part slower than the period");
+  check(!valid(S(-1), S(1), S(1)) && !valid(S(1), S(0), S(1)) && !valid(S(1), S(1), S(1), S(0)), "nor backwards");
   // A drift under it hides nothing: to and fro about any mean velocity is the same.
-  const auto slow = p::coefficients(p::ShakingWatchParams<S>{S(1), S(12), S(0.7), S(6)}, S(0.002));
+  const auto slow = p::coefficients(p::ShakingWatchParams<S>{S(1), S(0.33), S(6)}, S(0.002));
   p::ShakingWatchState<S> still, moving;
   for (int k = 0; k < 3000; ++k) {
     const S fast = k / 100 % 2 == 0 ? S(1) : S(-1);
     p::step(slow, still, fast);
-    p::step(slow, moving, S(3) + fast);
+    p::step(slow, moving, S(1) + fast);
   }
-  check_close(moving.mean, still.mean, S(0.02), "about any mean velocity");
-  check(still.mean > S(0.05), "and it is shaking");
-  check(valid(S(1.75), S(1.75)), "filters that are slower than the period");
-  check(!valid(S(2), S(1)) && !valid(S(1), S(2)) && !valid(S(2.5), S(1)) && !valid(S(1), S(2.5)), "and not as fast");
-  check(!valid(S(-1), S(1)) && !valid(S(1), S(-1)), "nor backwards");
-  const auto c = p::coefficients(p::ShakingWatchParams<S>{S(0.375), S(1), S(0.5), S(0)}, S(0.5));
-  check(c.following == S(0.5) && c.forgetting == S(0.25) && c.limit == S(0.375), "as given");
+  check_close(moving.smallest, still.smallest, S(0.02), "about any mean velocity");
+  check(still.smallest > S(0.1), "and it is shaking");
+  const auto c = p::coefficients(p::ShakingWatchParams<S>{S(1), S(0.5), S(0)}, S(0.25));
+  check(c.limit == S(1) && c.time == S(0.5) && c.turn == S(0.1) && c.period == S(0.25), "as given");
   for (const S way : {S(-1), S(1)}) {
+    p::ShakingWatchState<S> one;
+    for (int k = 0; k < 50; ++k) check(p::step(c, one, way * S(8)) == F::none && one.smallest == S(0), "one way is no shaking");
     p::ShakingWatchState<S> s;
-    check(p::step(c, s, way * S(8)) == F::none && s.mean == S(0), "one way is no shaking, however fast");
-    check((way > S(0) ? s.forward : s.backward) == S(4) && (way > S(0) ? s.backward : s.forward) == S(0), "its direction");
-    // 4 decays to 2 while the other way rises to 1.5: a quarter of the smaller one is the limit.
-    check(p::step(c, s, way * S(-3)) == F::none && s.mean == S(0.375), "at the limit");
+    for (int k = 0; k < 5; ++k) {
+      check(p::step(c, s, (k % 2 == 0 ? way : -way) * S(4)) == F::none, "at the limit");
+      check(s.smallest == (k < 3 ? S(0) : S(1)), "the smallest of four");
+    }
+    check(p::step(c, s, -way * S(4)) == F::shaking && s.smallest == S(2), "not six times");
+    p::ShakingWatchState<S> held;
+    for (int k = 0; k < 20; ++k) {
+      check(p::step(c, held, (k % 2 == 0 ? way : -way) * S(2)) == F::none, "half of it as often as it likes");
+      check(held.smallest == (k < 3 ? S(0) : k < 5 ? S(0.5) : S(1)), "six are twice as much");
+    }
     p::ShakingWatchState<S> faster;
-    p::step(c, faster, way * S(8));
-    check(p::step(c, faster, way * S(-3.25)) == F::shaking && faster.mean == S(0.40625), "just beyond it");
-    check(p::step(c, s, S(0)) == F::shaking && s.mean == S(0.46875), "the mean goes on while both are late");
-    for (int k = 0; k < 200; ++k) p::step(c, s, S(0));
-    check(p::step(c, s, S(0)) == F::none && s.mean < S(1e-6), "and is forgotten");
+    for (int k = 0; k < 3; ++k) check(p::step(c, faster, (k % 2 == 0 ? way : -way) * S(4.5)) == F::none, "three are no shaking");
+    check(p::step(c, faster, way * S(-4.5)) == F::shaking && faster.smallest == S(1.125), "the fourth is");
+    check(p::step(c, faster, S(0)) == F::shaking, "as long as it may go on");
+    check(p::step(c, faster, S(0)) == F::none && faster.smallest == S(0), "and is forgotten");
+    // One way that takes too long: those before it do not count.
+    p::ShakingWatchState<S> late;
+    for (const int v : {1, -1, 1, 0, 0, -1, 1, -1, 1}) check(p::step(c, late, way * S(4.5) * S(v)) == F::none, "not in a row");
+    check(p::step(c, late, way * S(-4.5)) == F::shaking, "four after it");
+    // What trembles by less than a share of the limit does not turn the joint round.
+    p::ShakingWatchState<S> trembling;
+    for (int k = 0; k < 60; ++k) {
+      check(p::step(c, trembling, way * (k % 2 == 0 ? S(0.36) : S(-0.36))) == F::none, "a tremor");
+      check(trembling.way == S(1) || trembling.travel[0] == S(0), "is no turn");
+    }
   }
   const S nan = std::numeric_limits<S>::quiet_NaN(), huge = std::numeric_limits<S>::infinity();
   for (const S wrong : {nan, huge, -huge}) {
     p::ShakingWatchState<S> s;
-    p::step(c, s, S(8));
-    p::step(c, s, wrong);
-    check(p::is_finite(s.forward) && p::is_finite(s.backward) && p::is_finite(s.mean), "no number is not remembered");
-    check(p::step(c, s, S(8)) == F::none, "and what follows is judged anew");
-  }
-  for (const S wrong : {nan, huge, -huge})
-    for (S p::ShakingWatchState<S>::*const lost : {&p::ShakingWatchState<S>::forward, &p::ShakingWatchState<S>::backward,
-                                                   &p::ShakingWatchState<S>::mean, &p::ShakingWatchState<S>::slow}) {
+    for (int k = 0; k < 3; ++k) p::step(c, s, k % 2 == 0 ? S(8) : S(-8));
+    check(p::step(c, s, wrong) == F::none && p::is_finite(s.place) && p::is_finite(s.smallest), "no number is not remembered");
+    for (int k = 0; k < 3; ++k) check(p::step(c, s, k % 2 == 0 ? S(8) : S(-8)) == F::none, "and what follows is judged anew");
+    check(p::step(c, s, S(-8)) == F::shaking, "as before");
+    for (S p::ShakingWatchState<S>::*const lost :
+         {&p::ShakingWatchState<S>::place, &p::ShakingWatchState<S>::turned, &p::ShakingWatchState<S>::far,
+          &p::ShakingWatchState<S>::age, &p::ShakingWatchState<S>::way}) {
       p::ShakingWatchState<S> broken;
+      for (int k = 0; k < 4; ++k) p::step(c, broken, k % 2 == 0 ? S(8) : S(-8));
       broken.*lost = wrong;
-      p::step(c, broken, S(0));
-      check(broken.forward == S(0) && broken.backward == S(0) && broken.mean == S(0) && broken.slow == S(0), "whichever memory lost, all begins anew");
+      check(p::step(c, broken, S(0)) == F::none && broken.smallest == S(0), "whichever memory lost, all begins anew");
+      check(p::is_finite(broken.place + broken.far + broken.turned + broken.age + broken.since), "with numbers");
     }
+    p::ShakingWatchState<S> broken;
+    for (int k = 0; k < 4; ++k) p::step(c, broken, k % 2 == 0 ? S(8) : S(-8));
+    broken.since = wrong;
+    p::step(c, broken, S(0));
+    check(p::is_finite(broken.since), "nor a time");
+    broken.travel[1] = wrong;
+    check(p::step(c, broken, S(0)) == F::none && broken.travel[1] == S(0), "nor a way");
+  }
   const auto off = p::coefficients(p::ShakingWatchParams<S>{}, S(0.002));
   p::ShakingWatchState<S> s;
   for (int k = 0; k < 1000; ++k) check(p::step(off, s, k % 2 == 0 ? S(99) : S(-99)) == F::none, "without a limit: off");

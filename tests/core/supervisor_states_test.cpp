@@ -63,10 +63,9 @@ void parameters() {
   refused([](Params& bad) { bad.test.samples = 7; }, "half a wave that is too short");
   refused([](Params& bad) { bad.delay.smoothing = 1100; }, "a delay's mean that is too fast");
   check(c.delay.smoothing == 60 * period, "a delay in every period");
-  check(c.shaking.following == r.shaking.recent * 2 * period && c.shaking.forgetting == r.shaking.memory * 2 * period,
-        "shaking every second");
+  check(c.shaking.period == 2 * period && c.shaking.forgetting == r.shaking.slow * 2 * period, "shaking every second");
   check(c.unexplained.period == 2 * period, "and energy");
-  refused([](Params& bad) { bad.shaking.recent = 600; }, "a mean that is too fast");
+  refused([](Params& bad) { bad.shaking.slow = 600; }, "a slow part that is too fast");
   refused([](Params& bad) { bad.unexplained.memory = 600; }, "energy that is forgotten at once");
   refused([](Params& bad) { bad.rate.samples = 2100000; }, "a mean interval over more than half an hour");
   refused([](Params& bad) { bad.still.half_wave = 7; }, "a wave at rest that is too short");

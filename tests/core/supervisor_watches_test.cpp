@@ -318,7 +318,7 @@ void widened_limits() {
   shows(m, "force_contradiction", -2, 3.5);
   shows(m, "force_burst", 1, 5.25);
   shows(m, "force_excess", 6, 7);
-  m.s.budget.spent = 4, m.s.ringing.size = 1.5, m.s.shaking.mean = 0.25, m.s.unexplained.energy = 0.5;
+  m.s.budget.spent = 4, m.s.ringing.size = 1.5, m.s.shaking.smallest = 0.25, m.s.unexplained.energy = 0.5;
   m.shown.pushed = 3, m.shown.power = -5;
   shows(m, "budget_spent", 4, m.params.budget.store);
   shows(m, "ringing", 1.5, m.c.ringing.limit);

@@ -149,7 +149,8 @@ def test_a_joint_that_goes_to_and_fro_for_seconds_loses_its_power(frequency, fau
     """At the same peak speed of 1.4 rad/s, as fast as a hand reaches to and fro, and as fast as a wearer shakes."""
     law = ControlLaw("joint", LAWS["joint"].defaults | NUMBERS)
     free = dict.fromkeys(("wearer_torque", "wearer_push", "push_limit", "power_limit", "budget_store"), np.inf)
-    safe = supervised(law, start_up=False, shaking=True, ringing_limit=np.inf, **free)
+    watched = Instruments(shaking=True)
+    safe = supervised(law, instruments=watched, start_up=False, ringing_limit=np.inf, **free)
     rate = 2.0 * np.pi * frequency
     for i in range(5000):
         safe.step(1e-3 * i, 0.5 + 1.4 * (1.0 - np.cos(rate * 1e-3 * i)) / rate)

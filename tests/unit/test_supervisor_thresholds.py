@@ -82,7 +82,7 @@ def test_every_threshold_of_a_joint():
         "probe_inertia": 0.0, "probe_noise": 0.0, "probe_moving": 0.1, "probe_evidence": 25.0,
         "probe_travel": math.inf, "probe_energy": math.inf, "probe_answer_error": 0.0,
         **dict.fromkeys(PROBE_ANSWER_NAMES, 0.0),
-        "shaking_limit": math.inf, "shaking_recent": 12.0, "shaking_memory": 0.7, "shaking_slow": 6.0,
+        "shaking_limit": math.inf, "shaking_time": 0.33, "shaking_slow": 6.0,
         "unexplained_limit": math.inf, "unexplained_gain": 0.0, "unexplained_offset": 0.02 * EFFORT + 0.1,
         "unexplained_memory": 0.1, "drive_delay": math.inf, "drive_delay_rate": 0.08 * EFFORT,
         "drive_delay_smoothing": 20.0, "drive_delay_forget": 0.4, "drive_delay_share": 0.5,
@@ -159,8 +159,7 @@ def test_counts_and_filters_by_the_period(period, freeze, quiet, rest, samples):
     assert s["rate_samples"] == max(10, round(0.25 / period))
     assert s["residual_bandwidth"] == pytest.approx(min(40.0, 0.2 / period))
     assert s["residual_slow"] == pytest.approx(min(5.0, 0.05 / period))
-    for name, usual in (("recent", 12.0), ("memory", 0.7), ("slow", 6.0)):
-        assert s[f"shaking_{name}"] == pytest.approx(min(usual, 0.2 / period))
+    assert s["shaking_slow"] == pytest.approx(min(6.0, 0.2 / period))
     for name, usual in (("slowest", 20.0), ("fastest", 100.0), ("memory", 3.0)):
         assert s[f"ringing_{name}"] == pytest.approx(min(usual, 0.2 / period))
     for name, usual in (("smoothing", 20.0), ("forget", 0.4)):
@@ -300,8 +299,8 @@ def test_thresholds_by_weights_that_are_carried(inertia, speed, weight, carried,
 
 
 def test_sustained_oscillation_is_watched_on_request():
-    found = changes(shaking=True)
-    assert found == {"shaking_limit": pytest.approx(0.0138 * SPEED)}
+    found = changes(instruments=Instruments(shaking=True))
+    assert found == {"shaking_limit": pytest.approx(0.01625 * SPEED)}
 
 
 def test_a_worse_force_sensor_widens_its_watch():
