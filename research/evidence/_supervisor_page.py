@@ -44,7 +44,6 @@ INSTRUMENT_TITLES: Mapping[str, str] = {
     "drive_measured": "Exports with a drive measurement",
     "unmeasured": "Exports without a drive measurement (default: probe, commissioned)",
     "drive_measured_and_probe": "Exports with a drive measurement and a probe",
-    "shaking": "Exports without a drive measurement, `shaking = true`",
     "blind": "Exports without a drive measurement and without a probe (baseline)",
     "knee-orthosis": "Default export of a knee orthosis with a series spring",
     "arm": "Arm of four joints with a second encoder at each joint",

@@ -134,7 +134,8 @@ def test_the_worst_fault_of_a_group_is_found_in_time_and_bounded(measured, group
     assert len(found) >= 9
     assert all(trial.is_found and not trial.early for trial in found)
     longest, most = GROUP_BOUNDS[group]
-    assert max(trial.found for trial in found) < longest
+    # Three waves at the start tell a wrong gain, each after a rest.
+    assert max(trial.found for trial in found if not trials.KINDS[trial.kind].at_start) < longest
     assert max(trial.excess for trial in found) < most
 
 
@@ -250,10 +251,12 @@ def test_healthy_wearers_do_not_use_the_energy_that_a_drive_may_add(sensing):
     assert "unexplained_energy" not in {alarm.fault for life in lives for alarm in life.alarms}
 
 
-def test_the_watch_for_shaking_may_be_set_for_a_run(transparent):
-    sines = [trials.try_faults(transparent, 0, SEED, ("drive_sine",), shaking=on) for on in (False, True)]
-    assert "shaking" not in {trial.fault for trial in sines[0]}
-    assert "shaking" in {trial.fault for trial in sines[1]}
+def test_what_a_drive_adds_is_bounded_unless_the_study_states_that_wearers_go_to_and_fro(store):
+    exports = [store.law("transparent", name) for name in ("unmeasured", "to_and_fro")]
+    assert [law.stops_oscillation for law in exports] == [True, False]
+    sines = [trials.try_faults(law, 0, SEED, ("drive_sine",)) for law in exports]
+    assert ["shaking" in {trial.fault for trial in each} for each in sines] == [True, False]
+    assert not store.law("disturbance_observer", "unmeasured").stops_oscillation
 
 
 def test_a_trace_shows_the_torque_that_nobody_explains(transparent):

@@ -113,10 +113,13 @@ MAX_PROBED_EXCESS_J = 5.0
 SINE_SETS: Mapping[str, str] = {
     "drive_measured": "the drive's current",
     "force_sensor": "a force sensor, which the law hears",
-    "encoder_alone": "encoder alone: no probe, no watch for shaking",
-    "shaking": "encoder, probe and watch for shaking, with `shaking = true`",
+    "encoder_alone": "encoder alone: no probe, no check for sustained oscillation",
+    "unmeasured": "encoder, probe and check for sustained oscillation, as exported",
 }
 """What there is to find an added sine with, in words, by the name that the rows have."""
+
+TO_AND_FRO_SETS = ("to_and_fro", "drive_measured_to_and_fro")
+"""Sets of instruments of studies whose wearers go to and fro."""
 
 SPIKE_EFFECT_S = 0.1
 """A stop within this time of a wrong reading is its doing."""
@@ -149,12 +152,15 @@ def temporary_folder() -> TemporaryDirectory:
 def made_laws(instruments: str) -> tuple[ExportedLaw, ...]:
     """Return every law that `export` writes with a set of instruments by name.
 
+    Laws with a force sensor have no check for oscillation that a study could switch off, and are not among those that do.
     Only a probe may be refused: where the waves that inertia and encoder need are too large for the effort limit.
     """
     made = []
     for name in EXPORTED_LAWS:
         try:
-            made.append(made_exports().law(name, instruments))
+            law = made_exports().law(name, instruments)
+            if not (instruments in TO_AND_FRO_SETS and "interaction" in law.uses):
+                made.append(law)
         except PellucidError:
             if instruments != "unmeasured" and not INSTRUMENT_SETS[instruments].probe:
                 raise
@@ -164,7 +170,7 @@ def made_laws(instruments: str) -> tuple[ExportedLaw, ...]:
 @cache
 def fault_trials(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignTrial, ...]:
     """Return every fault under every law on every plant, with a set of instruments by name."""
-    some = {"drive_measured_and_probe": QUIET_KINDS, "blind": (*WORST_KINDS, "drive_sine"), "shaking": ("drive_sine",)}
+    some = {"drive_measured_and_probe": QUIET_KINDS, "blind": (*WORST_KINDS, "drive_sine")}
     kinds = some.get(instruments, tuple(KINDS))
     jobs = [
         partial(try_faults, law, index, seed, kinds) for law in made_laws(instruments) for index in range(PLANT_COUNT)
@@ -209,7 +215,7 @@ def sines_by_instruments(seed: int = JUDGED_SEED) -> dict[str, tuple[ForeignTria
         "drive_measured": tuple(sines("drive_measured")),
         "force_sensor": tuple(trial for trial in sines("blind") if trial.law not in unsensed),
         "encoder_alone": tuple(trial for trial in sines("blind") if trial.law in unsensed),
-        "shaking": tuple(trial for trial in sines("shaking") if trial.law in unsensed),
+        "unmeasured": tuple(trial for trial in sines("unmeasured") if trial.law in unsensed),
     }
 
 
@@ -218,16 +224,15 @@ def healthy_lives(
     instruments: str,
     seed: int = JUDGED_SEED,
     hours: float = HEALTHY_HOURS,
-    reaching: bool = False,
     jitter: bool = False,
 ) -> tuple[ForeignLife, ...]:
     """Return healthy use of all laws with every disturbance, `hours` in total [h], each on its own plant.
 
-    Wearers who are `reaching` never oscillate. With `jitter`, time stamps jitter on a 32-bit clock that overflows.
+    Wearers of an export that checks for oscillation reach and rest; others also go to and fro. With `jitter`, time stamps jitter on a 32-bit clock that overflows.
     """
-    changed = {"reaching": float(reaching)}
+    changed = {}
     if jitter:
-        changed |= {"clock_jitter": STAMP_JITTER_S, "clock_bits": 32.0, "clock_start": 2.0**32 - 20e6}
+        changed = {"clock_jitter": STAMP_JITTER_S, "clock_bits": 32.0, "clock_start": 2.0**32 - 20e6}
     made = made_laws(instruments)
     count = max(round(3600.0 * hours / HEALTHY_LIFE_S), len(made))
     jobs = [partial(live, made[i % len(made)], i, seed, HEALTHY_LIFE_S, **changed) for i in range(count)]
@@ -250,15 +255,15 @@ def rows(seed: int = JUDGED_SEED) -> Iterator[ResultRow]:
         "probe, not commissioned": lambda: probe_rows(uncommissioned_probe_trials(seed), "probe_uncommissioned"),
         "quiet faults": lambda: quiet_rows(fault_trials("drive_measured_and_probe", seed)),
         "faults, blind": lambda: blind_rows(fault_trials("blind", seed)),
-        "shaking": lambda: shaking_rows(fault_trials("shaking", seed)),
+        "shaking": lambda: shaking_rows(fault_trials("unmeasured", seed)),
         "sines": lambda: sine_set_rows(sines_by_instruments(seed)),
         "lives, unmeasured": lambda: life_rows("safety.exported.unmeasured", healthy_lives("unmeasured", seed)),
-        "lives that reach, unmeasured": lambda: life_rows(
-            "safety.exported.unmeasured.reaching", healthy_lives("unmeasured", seed, reaching=True)
+        "lives to and fro, unmeasured": lambda: life_rows(
+            "safety.exported.unmeasured.to_and_fro", healthy_lives("to_and_fro", seed)
         ),
         "lives, drive measured": lambda: life_rows("safety", healthy_lives("drive_measured", seed)),
-        "lives that reach, drive measured": lambda: life_rows(
-            "safety.reaching", healthy_lives("drive_measured", seed, reaching=True)
+        "lives to and fro, drive measured": lambda: life_rows(
+            "safety.to_and_fro", healthy_lives("drive_measured_to_and_fro", seed)
         ),
         "rates": lambda: rate_rows(seed),
         "spikes, frozen encoders, drives that lie": lambda: special_rows(seed),
@@ -397,7 +402,7 @@ def rate_rows(seed: int) -> Iterator[ResultRow]:
     yield row("safety.rate.found", found_share(trials), "%", f"of {len(trials)} runs; {', '.join(RATE_KINDS)}")
     late = max((trial.found for trial in trials if trial.is_found), default=None)
     yield row("safety.rate.detected_after", late, "s", "at the latest")
-    lives = healthy_lives("drive_measured", seed, JITTER_HOURS, reaching=True, jitter=True)
+    lives = healthy_lives("drive_measured", seed, JITTER_HOURS, jitter=True)
     false = Counter(a.fault for life in lives for a in life.alarms if not a.wanted and a.fault in CLOCK_FAULTS)
     words = ", ".join(f"{fault} {count}" for fault, count in false.most_common()) or "none"
     yield row("safety.rate.false", sum(false.values()), "1",
@@ -488,10 +493,8 @@ def is_refused(life: ForeignLife) -> bool:
 
 def fault_figures(seed: int = JUDGED_SEED) -> Iterator[FaultFigure]:
     """Yield what became of every fault under exported controllers, by the instruments that they assume."""
-    for instruments in ("drive_measured", "unmeasured", "drive_measured_and_probe", "shaking", "blind"):
+    for instruments in ("drive_measured", "unmeasured", "drive_measured_and_probe", "blind"):
         trials = fault_trials(instruments, seed)
-        if instruments == "shaking":
-            trials = tuple(trial for trial in trials if trial.kind == "drive_sine")
         yield from figures_of_faults(instruments, trials, KINDS)
     yield from figures_of_faults("knee-orthosis", spring_trials(seed), KINDS)
 

@@ -24,6 +24,9 @@ from pellucid_lab.safety.worn_robot import LAWS
 HERE = Path(__file__).parent
 """Folder of the plant's source."""
 
+NO_LIMIT = 1e30
+"""A number from here on stands for no limit: a float has no larger ones to spare."""
+
 PARTICIPANT_NAME = "P1"
 """Participant of the elbow's study, whose mass and height the laws led by EMG take."""
 
@@ -42,21 +45,25 @@ FORCE_SENSOR_RANGE_NM = 25.0
 UNMEASURED = Instruments(drive_limit=ELBOW_DRIVE_LIMIT_NM)
 """Instruments of an export whose study states the drive and no instruments: a probe asks the drive."""
 
-BLIND = replace(UNMEASURED, probe=False)
-"""The same where a probe was refused: `--no-probe --unmeasured`."""
+TO_AND_FRO = replace(UNMEASURED, shaking=False)
+"""The same where the study states that wearers go to and fro: no check for sustained oscillation."""
 
-SHAKING = replace(UNMEASURED, shaking=True)
-"""Instruments of an export that watches for shaking, too."""
+BLIND = replace(TO_AND_FRO, probe=False)
+"""The same where a probe was refused, too: `--no-probe --unmeasured`."""
 
 DRIVE_MEASURED = Instruments(drive=True, drive_limit=ELBOW_DRIVE_LIMIT_NM, force_range=FORCE_SENSOR_RANGE_NM)
 """Instruments of an elbow whose drive measures its current by a sensor that it does not regulate on."""
+
+MEASURED_TO_AND_FRO = replace(DRIVE_MEASURED, shaking=False)
+"""The same where the study states that wearers go to and fro."""
 
 MEASURED_AND_PROBED = replace(DRIVE_MEASURED, probe=True)
 """Instruments of an elbow whose drive measures its current, and which probes."""
 
 INSTRUMENT_SETS: Mapping[str, Instruments] = {
     "unmeasured": UNMEASURED, "drive_measured": DRIVE_MEASURED, "blind": BLIND,
-    "drive_measured_and_probe": MEASURED_AND_PROBED, "shaking": SHAKING,
+    "drive_measured_and_probe": MEASURED_AND_PROBED, "to_and_fro": TO_AND_FRO,
+    "drive_measured_to_and_fro": MEASURED_TO_AND_FRO,
 }  # fmt: skip
 """Instruments by the name that the rows have."""
 
@@ -103,6 +110,11 @@ class ExportedLaw:
     worn: bool  # whether somebody wears the machine
     motion: str  # "rotary" or "prismatic"
     spring: bool  # whether the drive acts through a spring
+
+    @property
+    def stops_oscillation(self) -> bool:
+        """Whether the supervisor takes the power off a joint that goes to and fro."""
+        return self.numbers["shaking_limit"] < NO_LIMIT
 
 
 def command(*words: str | Path, folder: Path) -> None:

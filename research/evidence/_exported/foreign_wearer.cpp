@@ -263,8 +263,7 @@ class Simulation {
   /// Whether a machine that nobody wears stays where it is: nobody holds it while its drive is tested.
   bool rests_alone() const { return r.gravity_sine == 0.0 && r.gravity_cosine == 0.0; }
 
-  /// Starts the controller: with its test's bounds and the probe's answers where the robot was commissioned, and with a
-  /// watch for shaking.
+  /// Starts the controller: with its test's bounds and the probe's answers where the robot was commissioned.
   void switch_on() const {
     pellucid_config config = exported_config();
     if (r.test_most > 0.0) config.test_least = static_cast<float>(r.test_least), config.test_most = static_cast<float>(r.test_most);
@@ -279,7 +278,6 @@ class Simulation {
     }
     if (r.probe_travel > 0.0) config.probe_travel = static_cast<float>(r.probe_travel);
     if (r.probe_scale > 0.0) config.probe_effort *= static_cast<float>(r.probe_scale);
-    if (r.shaking_limit > 0.0) config.shaking_limit = static_cast<float>(r.shaking_limit);
     pellucid_init(&memory.context, &config);
   }
 

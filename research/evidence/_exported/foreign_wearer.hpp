@@ -117,7 +117,6 @@ namespace foreign {
   X(amplitude, "N*m", "amplitude of an added sine")                                                                    \
   X(test_least, "J", "least work of the test at start-up, of a robot that was commissioned")                            \
   X(test_most, "J", "largest work of that test; 0: both as exported")                                                  \
-  X(shaking_limit, "rad/s", "limit of the mean speed to and fro; 0: as exported")                                      \
   X(probe_answer_error, "1", "mean square error of the answers below; 0: as exported")                                 \
   X(probe_answer_low_real, "1", "part of an answer to the probe at commissioning")                                     \
   X(probe_answer_low_imaginary, "1", "part of an answer to the probe at commissioning")                                \

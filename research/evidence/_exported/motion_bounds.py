@@ -30,7 +30,7 @@ MEMORIES_S = (10.0, 3.0, 1.0)
 """Times in which a bounded number forgets."""
 
 RECENT_HZ = 10.0
-"""Rate at which means of either direction follow, as in the watch for shaking [1/s]."""
+"""Rate at which means of either direction follow [1/s]."""
 
 OBSERVER_HZ = 40.0
 """Rate of the momentum observer, as in the supervisor [1/s]."""
@@ -89,7 +89,7 @@ BOUNDED: Mapping[str, tuple[str, Callable[[SeenMotion], np.ndarray]]] = {
     "energy that the wearer seems to absorb": ("J", lambda m: np.maximum(-m.torque * m.velocity, 0.0)),
     "apparent energy of an oscillation": ("J", lambda m: to_and_fro(m.torque * m.velocity, m.step)),
     "torque of an oscillation": ("N m s", lambda m: to_and_fro(m.torque, m.step)),
-    "speed of an oscillation (the check for shaking)": ("rad", lambda m: to_and_fro(m.velocity, m.step)),
+    "speed of an oscillation": ("rad", lambda m: to_and_fro(m.velocity, m.step)),
 }
 """Bounded numbers: unit of the integral, and what is integrated."""
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pellucid import _core
-from pellucid.controllers.supervised import PROBE_ANSWER_NAMES, SHAKING_SPEED_SHARE, commissioned_answers
+from pellucid.controllers.supervised import PROBE_ANSWER_NAMES, commissioned_answers
 from pellucid.controllers.supervised import commissioned_bounds as bounds_of_answer
 from pellucid_lab.safety.fault_table import FAULT_KINDS, FaultKind
 
@@ -237,17 +237,14 @@ def fault_runs(
     seed: int,
     kinds: Sequence[str],
     *,
-    shaking: bool = False,
     commissioned: bool = True,
 ) -> tuple[list[dict[str, float]], list[tuple[str, float]]]:
     """Return runs of faults by name under one law on the plant of an index, with each fault's name and amplitude.
 
-    The first run is the reference without a fault. With `shaking` the supervisor also has the watch for shaking, as
-    `pellucid.supervised` sets it. Start-up test and probe know what the robot answered then if it was `commissioned`.
+    The first run is the reference without a fault. Start-up test and probe know what the robot answered then if it was
+    `commissioned`.
     """
     base = draw_run(law, index, seed)
-    if shaking:
-        base["shaking_limit"] = SHAKING_SPEED_SHARE * base["velocity_limit"]
     base["brace_interval"] = with_mishaps(base, seed, index)["brace_interval"]
     if commissioned:
         base |= commissioned_numbers(law, base, seed, index)

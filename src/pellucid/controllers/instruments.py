@@ -82,9 +82,10 @@ class Instruments:
     probe_answer : sequence of float or None
         Answers to the probe's three waves at commissioning, with a drive and an encoder known to be right: real and
         imaginary part of each, shape (6,) [1]. None: the first movement after each start is taken for right.
-    shaking : bool
+    shaking : bool or None
         Whether a sustained oscillation of the joint, faster than reaching movements, switches the power off. It detects
-        a drive whose own measurement is wrong, but also stops a wearer who stirs, polishes or walks.
+        a drive whose own measurement is wrong, but also stops a wearer who stirs fast. None: an export
+        decides, by whether a force sensor or a spring shows the same; elsewhere it does not.
     stated : frozenset of str
         Names of the fields that study.toml states. An exported README lists the others as assumed.
 
@@ -123,7 +124,7 @@ class Instruments:
     start_up_answer: float | None = None
     probe: bool | None = None
     probe_answer: tuple[float, ...] | None = None
-    shaking: bool = False
+    shaking: bool | None = None
     stated: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
 
     def __post_init__(self):

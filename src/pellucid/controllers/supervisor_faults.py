@@ -124,9 +124,9 @@ SUPERVISOR_FAULTS: tuple[SupervisorFault, ...] = (
     ),
     SupervisorFault(
         ("shaking",),
-        "sustained oscillation: the joint oscillates for seconds, faster than in reaching movements",
+        "sustained oscillation, faster than in reaching movements",
         _POWER_OFF,
-        "Ask whether the wearer shook the robot; if not, check the drive before it is worn again.",
+        "If the wearer shook the robot, state `shaking = false` in [rig.instruments]; if not, check the drive.",
     ),
     SupervisorFault(
         ("unexplained_energy",),

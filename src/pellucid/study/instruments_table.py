@@ -116,9 +116,10 @@ class InstrumentsTable(StudyTable):
     probe_answer : tuple of float or None
         Responses to the probe's three excitations at commissioning, which ``commission`` writes: real and imaginary
         part of each [1]. Without it, the first movement after each start is assumed to be healthy.
-    shaking : bool
-        Whether oscillation that lasts seconds and is faster than voluntary movement switches the power off. It detects
-        a drive whose own measurement is wrong. It also stops wearers who stir, polish or walk.
+    shaking : bool or None
+        Whether oscillation that is faster than reaching switches the power off. It detects a drive whose own measurement
+        is wrong. It also stops wearers who stir fast: state ``false`` for such tasks. By default only without a
+        force sensor and a spring.
     """
 
     encoder_resolution: PositiveAngle | None = None
@@ -131,7 +132,7 @@ class InstrumentsTable(StudyTable):
     start_up_answer: PositiveWork | None = None
     probe: bool | None = None
     probe_answer: tuple[float, float, float, float, float, float] | None = None
-    shaking: bool = False
+    shaking: bool | None = None
 
     def completed_by(self, common: InstrumentsTable) -> InstrumentsTable:
         """Return this table with those keys of `common` that it does not say."""

@@ -140,7 +140,6 @@ class ControllerValues:
                 instruments=self.instruments,
                 body=self.body,
                 rest_friction=self.rest_friction,
-                shaking=self.instruments.shaking,
             )
         )
 
@@ -150,7 +149,8 @@ def protect_wearer(
 ) -> ControllerValues:
     """Return the control law with a supervisor that checks its drive by a measurement or by a probe.
 
-    `probe` is the choice of the caller. None: as the instruments state, and otherwise a probe if the drive is not
+    Where no force sensor or spring shows what a drive adds, the supervisor also checks for sustained oscillation, unless
+    the instruments state otherwise. `probe` is the choice of the caller. None: as the instruments state, and otherwise a probe if the drive is not
     measured and a wave that the encoder can resolve is small enough. `unmeasured` accepts a drive without measurement
     and probe. Errors begin with `place`.
     """
@@ -158,7 +158,9 @@ def protect_wearer(
     asked = instruments.probe if probe is None else probe
     probes = not (instruments.drive or spring) if asked is None else asked
     stated = instruments.stated if probes == instruments.probe else instruments.stated - {"probe"}
-    made = replace(values, instruments=replace(instruments, probe=probes, stated=stated))
+    shaking = not (spring or "interaction" in values.uses) if instruments.shaking is None else instruments.shaking
+    values = replace(values, instruments=replace(instruments, shaking=shaking))
+    made = replace(values, instruments=replace(values.instruments, probe=probes, stated=stated))
     if probes and spring:
         raise PellucidError(f"{place}: found probe, expected none: a controller of a series spring has no probe")
     if asked is False and not (instruments.drive or unmeasured):
@@ -172,7 +174,7 @@ def protect_wearer(
             _ = made.supervised
         except PellucidError as error:
             if asked is None:
-                return replace(values, instruments=replace(instruments, probe=False))
+                return replace(values, instruments=replace(values.instruments, probe=False))
             raise PellucidError(
                 f"{place}: {error}. Instead of a probe, state a measurement in [rig.instruments.drive_sensor], or "
                 "accept that many drive faults are not detected: --no-probe --unmeasured"

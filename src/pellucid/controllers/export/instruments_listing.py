@@ -82,5 +82,5 @@ def list_instruments(
         answer = "not measured" if used.probe_answer is None else "stated"
         list_value("answer to the probe at commissioning", "probe_answer", answer, UNKNOWN_SOURCE)
     if not spring:
-        add_switch("check for sustained oscillation (shaking)", "shaking")
+        add_switch("check for sustained oscillation (shaking)", "shaking", CHOSEN_SOURCE)
     return tuple(lines)
