@@ -8,7 +8,8 @@
 //   x' = v - l x
 //
 // turns where it has come back by a share of the limit. The ways between its last turns, each within a time, and the way
-// since then are compared: the smallest of the last `shaking_ways` has a limit, and a lower one if more were as quick.
+// since then are compared: the smallest of the last `shaking_ways` has a limit, and a lower one if more were as quick. Ways
+// that become smaller by more than a share die out by themselves.
 #pragma once
 
 #include "fields.hpp"
@@ -19,6 +20,8 @@ inline namespace PELLUCID_ABI {
 
 /// Ways to and fro in a row that count as shaking: what a blow leaves makes three.
 constexpr std::uint32_t shaking_ways = 4;
+/// Share of the largest of these ways below which the smallest dies out.
+constexpr double shaking_even_share = 0.3;
 /// Ways in a row that count as shaking from a share of the limit on: of a wearer who holds against it.
 constexpr std::uint32_t shaking_long_ways = 6;
 constexpr double shaking_long_share = 0.5;
@@ -86,13 +89,14 @@ SafetyFault step(const ShakingWatchCoefficients<S>& c, ShakingWatchState<S>& s, 
     s.age = s.since;
     s.since = S(0);
   }
-  S least = abs(s.far - s.turned);
+  S least = abs(s.far - s.turned), most = least;
   if (!(s.age <= c.time)) least = S(0);
   for (std::uint32_t k = 0; k < shaking_long_ways - 1; ++k) {
     S& past = s.travel[k];
     if (!(s.age <= c.time) || !is_finite(past)) past = S(0);
     least = min(least, past);
-    if (k == shaking_ways - 2) s.smallest = least;
+    most = max(most, past);
+    if (k == shaking_ways - 2) s.smallest = least >= S(shaking_even_share) * most ? least : S(0);
   }
   s.smallest = max(s.smallest, least / S(shaking_long_share));
   return s.smallest <= c.limit ? SafetyFault::none : SafetyFault::shaking;

@@ -50,6 +50,13 @@ template <class S> void all() {
     check(p::step(c, faster, way * S(-4.5)) == F::shaking && faster.smallest == S(1.125), "the fourth is");
     check(p::step(c, faster, S(0)) == F::shaking, "as long as it may go on");
     check(p::step(c, faster, S(0)) == F::none && faster.smallest == S(0), "and is forgotten");
+    // What dies out by more than a share is none, until the small ones are as many.
+    p::ShakingWatchState<S> dying;
+    for (const int v : {20, -20, 20, -5}) check(p::step(c, dying, way * S(v)) == F::none, "a quarter is left");
+    check(dying.smallest == S(0), "dies out");
+    p::ShakingWatchState<S> lasting;
+    for (const int v : {20, -20, 20}) p::step(c, lasting, way * S(v));
+    check(p::step(c, lasting, way * S(-6)) == F::shaking && lasting.smallest == S(1.5), "three tenths are");
     // One way that takes too long: those before it do not count.
     p::ShakingWatchState<S> late;
     for (const int v : {1, -1, 1, 0, 0, -1, 1, -1, 1}) check(p::step(c, late, way * S(4.5) * S(v)) == F::none, "not in a row");

@@ -374,7 +374,7 @@ SHAKING_TIME_S = 0.01625
 
 On 440 foreign plants of 20261101 and 20261103 wearers who reach and rest, stop suddenly, hit things and have spasms made
 at most 0.76 of it four times in a row in 55 h, and 0.42 of it six times. A sine of 5 N m at 2.5 Hz that a drive added
-gave 9.3 J at most. A smaller limit leaves as much: in its first three ways the sine gives up to 7.5 J, and healthy
+gave 9.4 J at most. A smaller limit leaves as much: in its first three ways the sine gives up to 7.5 J, and healthy
 wearers make three ways that are larger than those of most sines."""
 
 ENERGY_STORE_SPEED_SHARE = 0.575
