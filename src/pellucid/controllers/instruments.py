@@ -127,6 +127,11 @@ class Instruments:
     shaking: bool | None = None
     stated: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
 
+    @property
+    def asks_at_rest(self) -> bool:
+        """Whether a small wave asks a joint whose encoder reads the same for long: in exports with probe or measured drive."""
+        return bool(self.probe) or (self.drive and self.probe is not None)
+
     def __post_init__(self):
         if self.probe_answer is not None:
             object.__setattr__(self, "probe_answer", _checked_answer(self.probe_answer))

@@ -206,7 +206,7 @@ RATE_WINDOW_S = 0.25
 RATE_TOLERANCE = 0.2
 """Largest relative difference of that mean from the period [1]."""
 
-STILL_S = 0.5
+STILL_S = 0.4
 """Time of equal readings after which a wave asks the joint. It grows for as long, and is whole for as long again."""
 
 ENCODER_FREEZE_S = 0.02
@@ -958,6 +958,7 @@ def supervision_of(
             inertia, resolution, limit=effort, period=period, speed_limit=speed, drive_limit=instruments.drive_limit
         )
         made |= commissioned_answers(instruments.probe_answer)
+    if inertia > 0.0 and instruments.asks_at_rest:
         made |= {
             "still_samples": round(STILL_S / period),
             "still_effort": wave.effort,
