@@ -10,16 +10,20 @@ import pytest
 from made_emg import FS, raw_emg
 from scipy import signal
 
+import pellucid
 from pellucid._errors import IdentificationError, RecordingError
+from pellucid.controllers.export.export_answer import export_answer
 from pellucid.emg.estimators.condition_choice import ConditionTestErrors, run_condition_tests
 from pellucid.emg.estimators.cross_validation import Score
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES, STACKED
+from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.muscle_trials import count_warm_up_samples
 from pellucid.emg.estimators.torque_map import CrossValidated, fit_torque_map
 from pellucid.emg.estimators.torque_trial import MovedBody, compute_features
 from pellucid.emg.study.emg_torque import calibrate as module
 from pellucid.emg.study.emg_torque.calibration_page import coverage_text, page
 from pellucid.emg.study.emg_torque.estimator_cards import PRODUCT_SEPARATOR
+from pellucid.emg.study.emg_torque.live_scores import limits_of, read_live_scores
 from pellucid.emg.study.emg_torque.torque_findings import (
     EstimatorEvaluation,
     TorqueTrace,
@@ -28,6 +32,7 @@ from pellucid.emg.study.emg_torque.torque_findings import (
     recommend_estimator,
 )
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials, moved_body, step_trials
+from pellucid.emg.study.estimator_folder import describe_card
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card
 from pellucid.orthosis.strap.orthosis_alone import strapped_torque
@@ -149,7 +154,7 @@ def orthosis(folder, *, cards=True, spoil=None):
 def quick(monkeypatch):
     """Estimators that take no time."""
     monkeypatch.setattr(module, "REPORTED_ESTIMATORS", ("ridge", "tree", "motion"))
-    monkeypatch.setattr(module, "CAUSAL_ESTIMATORS", ("ridge",))
+    monkeypatch.setattr(module, "CAUSAL_ESTIMATORS", ("ridge", "motion"))
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +163,7 @@ def calibrated(tmp_path_factory):
     study, said = leg(tmp_path_factory.mktemp("calibrated") / "leg"), []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "REPORTED_ESTIMATORS", ("ridge", "tree", "motion"))
-        patch.setattr(module, "CAUSAL_ESTIMATORS", ("ridge",))
+        patch.setattr(module, "CAUSAL_ESTIMATORS", ("ridge", "motion"))
         found = calibrate(study, lambda text, share: said.append(share))
     return study, found, said
 
@@ -193,10 +198,11 @@ def test_moments_are_judged_on_what_was_held_out(calibrated):
     causal = [rows[f"leg.knee.ridge.causal.r2{tail}"].value for tail in ("", ".rest")]
     assert all(f"R² {r2:.3f} on" in export.text or f"and {r2:.3f} on" in export.text for r2 in causal)
     assert "which runs offline only" in export.text
+    bare = [rows[f"leg.knee.motion.causal.r2{tail}"].value for tail in ("", ".rest")]
+    assert f"(angles alone, also causal: {bare[0]:.3f} and {bare[1]:.3f})" in export.text
     # Every error is compared with the same one without EMG, that of the answer.
     (chosen,) = found.chosen
     alone = {each.recording: each.score for each in chosen.bare}
-    assert f"(angles alone, offline: {alone['judged'].r2:.3f} and {alone['rest'].r2:.3f})" in export.text
     for where, bare in alone.items():
         table = next(t for t in found.tables if t.title == f"Torque from EMG: knee, {where}")
         assert all(ratio == pytest.approx(error / bare.rmse) for _, error, _, ratio, _ in table.rows)
@@ -211,6 +217,57 @@ def test_moments_are_judged_on_what_was_held_out(calibrated):
     worth_tile, tile = page(study, found).tiles
     assert worth_tile.what == "Gain in R² from EMG"
     assert (tile.what, "rest " in tile.more) == ("Torque error, knee, judged", True)
+
+
+def test_an_estimator_that_is_no_better_than_angles_is_not_recommended_for_export(calibrated):
+    _, found, _ = calibrated
+    assert found.answer.qualifier == ""
+    name = "emg_knee_ridge"
+    poor = replace(found, live={name: tuple(replace(s, r2=0.79, angles_r2=0.8) for s in found.live[name])})
+    answer = module.calibration_answer(poor)
+    assert answer.qualifier == "offline; export of knee: R² below 0.8, no better than angles alone"
+    assert "export" not in {step.name for step in answer.next}
+    assert answer.next[0].text.startswith(f"Do not rely on the causal estimator of knee ({name}.json): R² below 0.8, ")
+    # One recording on which EMG adds nothing is not enough.
+    first, second = found.live[name]
+    assert limits_of((replace(first, r2=0.9, angles_r2=0.91), replace(second, r2=0.9, angles_r2=0.7))) == ""
+
+
+def test_the_watch_of_each_card_is_scored_on_held_out_recordings(calibrated):
+    study, found, _ = calibrated
+    rows = {row.id: row for row in found.rows}
+    for score in found.live["emg_knee_ridge"]:
+        row = rows[f"leg.emg_knee_ridge.valid_time.knee.{score.recording}"]
+        assert (row.value, row.split) == (score.valid_time, "heldout")
+        (trial,) = (t for t in moment_trials(study, "knee", causal=True) if t.name == score.recording)
+        live = LiveTorque(found.cards["emg_knee_ridge"])
+        made = [
+            live.step(1.0 + i * live.period, {m: x[i] for m, x in trial.envelopes.items()},
+                      {a: trial.angles[a][i] for a in live.card.angles}).valid
+            for i in range(len(trial))
+        ]  # fmt: skip
+        assert np.mean(made) == score.valid_time
+    assert read_live_scores("leg", "emg_knee_ridge", found.rows) == found.live["emg_knee_ridge"]
+    (table,) = (t for t in found.tables if t.title.startswith("Cards to export"))
+    assert [row[0] for row in table.rows] == ["emg_knee_ridge.json"] * 2
+
+
+def test_an_export_says_how_accurate_it_is_and_what_it_is_not(calibrated, tmp_path):
+    study, found, _ = calibrated
+    found.save(study)
+    place = pellucid.export(study, "c", tmp_path / "c")
+    answer, readme = export_answer(study, "c", place), (place / "README.md").read_text(encoding="utf-8")
+    for score in found.live["emg_knee_ridge"]:
+        assert f"{score.r2:.3f} on recording \"{score.recording}\"" in answer.said
+        assert f"{score.angles_r2:.3f}" in answer.said
+        assert f"{100 * score.valid_time:.0f} %" in answer.said
+    assert all(sentence in readme for sentence in describe_card(study, "emg_knee_ridge"))
+    assert "Estimates torque of knee from past samples (ridge regression, emg_knee_ridge.json)." in readme
+    assert f"R² {found.chosen[0].judged[0].score.r2:.3f} for knee in `calibrate` belongs to ridge regression" in readme
+    assert answer.qualifier == ""
+    study.card("emg_ankle_hill.json").write_text("{}")
+    assert "Other exports: `--card emg_ankle_hill.json`." in describe_card(study, "emg_knee_ridge")
+    study.card("emg_ankle_hill.json").unlink()
 
 
 def test_short_gaps_of_angles_are_interpolated_and_longer_ones_end_a_piece(tmp_path):

@@ -28,6 +28,7 @@ from .c_folder import (
     TEMPLATE_FOLDERS,
     mark_own_folder,
     read_constants,
+    read_owner,
     require_own_folder,
     template_path,
     write_c_folder,
@@ -113,6 +114,10 @@ class ControllerExporter(Exporter):
         if not (place / OUTPUT_FILE).is_file():
             return Step(f"{text}. Not compiled: that needs make, a C and a C++ compiler")
         return Step(f"{text}, then compile and test it", line=f"make -C {quote(str(place))} check")
+
+    def written_cards(self, place: Path) -> tuple[str, ...]:
+        """Return the file names of the cards that a folder was exported from; empty if it does not name them."""
+        return tuple(filter(None, (read_owner(place) or {}).get("cards", "").split(", ")))
 
     def folder(self, request: ExportRequest) -> Path:
         """Return the folder to write to."""

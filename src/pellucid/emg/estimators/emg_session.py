@@ -805,7 +805,7 @@ def _consequences(
     With several joints, the largest loss counts. Also return the RMSE of each joint's torque [N m], and the smallest
     share of a joint's variance that the torque leaves unexplained.
     """
-    bare = replace(card, watch=None, chain="none", channels=tuple(replace(c, scale=1.0) for c in card.channels))
+    bare = replace(card.of_envelopes(), watch=None)
     first = list(next(iter(trials.values())))
 
     def torques(envelopes: Sequence[np.ndarray]) -> np.ndarray:

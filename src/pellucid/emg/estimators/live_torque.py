@@ -126,6 +126,13 @@ class LiveTorque:
         faults = self._core.run(*self._input_rows(time, emg, angles))[1].astype(int)
         return np.array([ESTIMATOR_FAULTS_BY_NAME[name].stops for name in FAULTS])[faults]
 
+    def find_valid(
+        self, time: np.ndarray, emg: Mapping[str, np.ndarray], angles: Mapping[str, np.ndarray]
+    ) -> np.ndarray:
+        """Advance as `run` does and return where the estimate is as good as the calibration, shape (n,) bool."""
+        faults = self._core.run(*self._input_rows(time, emg, angles))[1].astype(int)
+        return np.array([ESTIMATOR_FAULTS_BY_NAME[name].keeps_validity for name in FAULTS])[faults]
+
     def find_changes(
         self, time: np.ndarray, emg: Mapping[str, np.ndarray], angles: Mapping[str, np.ndarray]
     ) -> dict[str, tuple[int, float]]:

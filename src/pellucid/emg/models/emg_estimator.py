@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from math import inf
 from pathlib import Path
 
@@ -208,6 +208,10 @@ class EmgEstimatorCard:
             *(f"emg.{channel.name}{lag}" for channel in self.channels for lag in lags),
             *(f"{what}.{angle}" for angle in self.angles for what in ("angle", "velocity", "acceleration")),
         )
+
+    def of_envelopes(self) -> EmgEstimatorCard:
+        """Return the card that is stepped with envelopes as trials hold them: made and scaled already."""
+        return replace(self, chain="none", channels=tuple(replace(each, scale=1.0) for each in self.channels))
 
     def at(self, period: float | None) -> float:
         """The period to step at, its own where none is given [s]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -17,6 +17,7 @@ from ...controllers.export.c_folder import render, render_all
 from ...controllers.export.controller_exporter import ControllerExporter, own_folder, owner_of
 from ...controllers.export.replay_vector import ReplayVector
 from ...models.fields import model_fields
+from ...study.answer import Answer
 from ...study.exporter import (
     OUTPUT_FILE,
     ExportRequest,
@@ -29,7 +30,9 @@ from ...study.exporter import (
 )
 from ...study.procedures.card_sources import require_fresh
 from ...study.procedures.registry import asked
+from ...study.results import ResultRow, read_rows
 from ...study.study import Study
+from ..estimators.families import named_family
 from ..models.emg_estimator import (
     ESTIMATOR_FAULTS,
     ESTIMATOR_KINDS,
@@ -39,6 +42,7 @@ from ..models.emg_estimator import (
     unwatched_words,
 )
 from .emg_torque.emg_torque_table import EmgTorqueTable
+from .emg_torque.live_scores import limits_of, read_live_scores, scores_words
 
 FOLDER_TITLE = "torque of joints from EMG"
 """Title in the exported files."""
@@ -113,10 +117,12 @@ def write_estimator_folder(
     *,
     period: float | None = None,
     motion: tuple[np.ndarray, np.ndarray] | None = None,
+    accuracy: Sequence[str] = (),
 ) -> Path:
     """Write the folder; files of an earlier export are replaced, all others stay.
 
     `motion` holds envelopes, (n, channels), and angles, (n, angles) [rad], for the test vector; None for made ones.
+    `accuracy` are sentences of `describe_card` for the README.
     """
     refuse_other_makefile(out)
     card.build(period)  # raises an error if the estimator cannot be stepped
@@ -169,7 +175,7 @@ def write_estimator_folder(
         "storage": _storage(card, len(terms), **sizes), "cards": (card.name,), "checksums": card.checksums,
         "notes": card.notes, "period": arrays["period"],
         "unwatched": unwatched_words(card.watch.alike) if card.watch else "",
-        "common": arrays.get("common", (0.0, 0.0)),
+        "common": arrays.get("common", (0.0, 0.0)), "accuracy": tuple(accuracy),
     }  # fmt: skip
     files |= render_all("estimator", **content)
     outputs = [
@@ -283,6 +289,41 @@ def _product(term) -> str:
     return " * ".join(name for name in (term.first, term.second) if name) or "offset"
 
 
+def describe_card(study: Study, name: str) -> tuple[str, ...]:
+    """Return sentences on a card: what it estimates, its held-out figures, and what else can be exported."""
+    rows = _result_rows(study)
+    scores = read_live_scores(study.name, name, rows)
+    what, _, kind = name.removeprefix("emg_").rpartition("_")
+    joints = tuple(dict.fromkeys(each.joint for each in scores)) or (what,)
+    family = f"{named_family(kind).description}, {name}.json" if kind in ESTIMATOR_KINDS else f"{name}.json"
+    sentences = [f"Estimates torque of {' and '.join(joints)} from past samples ({family})."]
+    if scores:
+        limits = limits_of(scores)
+        sentences.append(f"Held-out recordings: {scores_words(scores)}.{f' Limits: {limits}.' if limits else ''}")
+    else:
+        sentences.append("Its error on held-out recordings is not known: run `calibrate`.")
+    for joint in joints:
+        chosen = [r for r in rows if r.id.startswith(f"{study.name}.{joint}.chosen.r2") and r.value is not None]
+        if chosen:
+            worst = min(chosen, key=lambda row: row.value)
+            sentences.append(
+                f"R² {worst.value:.3f} for {joint} in `calibrate` belongs to {worst.note.rpartition(': ')[2]}, which "
+                "runs offline only: it also uses later samples."
+            )
+    missing = [joint for joint in study.table(EmgTorqueTable).joints if joint not in joints]
+    others = [path.name for path in study.cards() if path.stem.startswith("emg_") and path.stem != name]
+    if missing:
+        sentences.append(f"Not included: {', '.join(missing)}.")
+    if others:
+        sentences.append(f"Other exports: {', '.join(f'`--card {other}`' for other in others)}.")
+    return tuple(sentences)
+
+
+def _result_rows(study: Study) -> list[ResultRow]:
+    """Return the rows of the study's results.json; none without the file."""
+    return read_rows(study.results_path) if study.results_path.is_file() else []
+
+
 class EstimatorExporter(ControllerExporter):
     """An estimator of torque from EMG, which is no law and has no safety gate."""
 
@@ -292,8 +333,17 @@ class EstimatorExporter(ControllerExporter):
     question: ClassVar[str] = "Can this estimator be exported, and what does it protect from?"
 
     def describe(self, request: ExportRequest, place: Path) -> str:
-        """Return what the estimator protects from."""
-        return "An estimator commands no drive and has no supervisor: the controller that reads it must have one"
+        """Return how accurate the written estimator is, what else can be exported, and its lack of a supervisor."""
+        supervised = "An estimator commands no drive and has no supervisor: the controller that reads it must have one"
+        cards = self.written_cards(place)
+        return " ".join((*(describe_card(request.study, Path(cards[0]).stem) if cards else ()), supervised))
+
+    def make_answer(self, request: ExportRequest, place: Path) -> Answer:
+        """Return the answer, with what limits the written estimator on held-out recordings."""
+        study, cards = request.study, self.written_cards(place)
+        rows = _result_rows(study)
+        limits = limits_of([one for each in cards for one in read_live_scores(study.name, Path(each).stem, rows)])
+        return replace(super().make_answer(request, place), qualifier=limits)
 
     def fits(self, request: ExportRequest) -> bool:
         """Return whether the estimator is requested: by its card, or if the study has nothing else."""
@@ -311,4 +361,5 @@ class EstimatorExporter(ControllerExporter):
         )  # fmt: skip
         owner = owner_of(study, "torque from EMG", (f"{found.name}.json",))
         with own_folder(out, owner, overwrite=request.overwrite):
-            return write_estimator_folder(study.name, found, out, period=request.period)
+            accuracy = describe_card(study, found.name)
+            return write_estimator_folder(study.name, found, out, period=request.period, accuracy=accuracy)

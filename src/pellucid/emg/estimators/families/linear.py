@@ -53,7 +53,8 @@ FAMILIES = {
         "linear regression", settings=({"penalty": 0.0},), lags=False, rank=42, colour="combined"
     ),
     "motion": ridge_family(
-        "ridge regression without EMG", muscles=False, rank=43, short="angles alone", colour="symmetric"
+        "ridge regression without EMG", muscles=False, rank=43, short="angles alone", colour="symmetric",
+        scored_causally=True,
     ),
     "mbp": Family(
         "M-BP, a network (reconstruction)",

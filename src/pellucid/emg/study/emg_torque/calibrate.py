@@ -41,12 +41,13 @@ from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import JointStiffness
 from ...estimators.torque_map import CrossValidated, MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
 from ...estimators.torque_trial import TorqueTrial, group_pieces
-from ...models.emg_estimator import ESTIMATOR_KINDS, best_estimator
+from ...models.emg_estimator import ESTIMATOR_KINDS, EmgEstimatorCard, best_estimator
 from ..muscle_channels import mains_verdicts, study_chain
 from . import together as across_joints
 from . import torque_findings as findings
 from .emg_torque_table import EmgTorqueTable
 from .estimator_cards import estimator_cards, misfit_verdicts, torque_card, watch_rows, watch_verdicts
+from .live_scores import MIN_TORQUE_R2, LiveScore, limits_of, live_rows, live_tables, scores_words
 from .relative_envelopes import find_scales, normalisation_words, scale_rows, scale_verdicts
 from .sessions import LIVE_ESTIMATORS, compare_sessions, invalidity_words, session_tables, session_verdicts
 from .study_muscles import ignored_channel_verdicts
@@ -195,9 +196,6 @@ MIN_LEFT_OUT_COVERAGE = 0.8
 MAX_BRIEF_NAMED_ROWS = 6
 """Largest number of rows of the table of recommended estimators on a terminal without ``-v``."""
 
-MIN_TORQUE_R2 = 0.8
-"""Smallest R² on recordings that were not fitted for which torque counts as estimated: that of a sound joint model."""
-
 WORTH_VERDICTS: dict[str, AnswerVerdict] = {"worth it": "yes", "not worth it": "no", "cannot say": "cannot say"}
 """Verdict of each answer to whether EMG adds to angles."""
 
@@ -220,8 +218,8 @@ class CalibrationResult(Result):
     muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated muscles, by joint or participant
     stiffness: tuple[JointStiffness, ...] = field(default=(), repr=False)  # Stiffness of each joint by its muscles
     together: TogetherFigureData | None = field(default=None, repr=False)  # Muscles of all joints calibrated at once
-    # Scores of the causal estimators that `export` writes, by the card's name and by held-out recording
-    live: Mapping[str, Mapping[str, Score]] = field(default_factory=dict, repr=False)
+    # Scores of the causal estimators that `export` writes, by the card's name
+    live: Mapping[str, tuple[LiveScore, ...]] = field(default_factory=dict, repr=False)
     computed: str = ""  # How the reference torque was computed; "" where it was measured
 
     def make_answer(self) -> Answer:
@@ -269,6 +267,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         tables=(
             *findings.worth_tables(worth),
             *_chosen_tables(chosen, found.refused),
+            *live_tables(found.live),
             *_error_tables(evaluated, chosen),
             *_repair_tables(evaluated),
             *_condition_test_tables(evaluated),
@@ -291,6 +290,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
             *findings.calibration_rows(study.name, evaluated, trials, found.sessions, chosen, worth),
             *scale_rows(study.name, scales),
             *watch_rows(study.name, stepped),
+            *live_rows(study.name, found.live, {trial.recording: trial.checksum for trial in trials}),
             *across_joints.together_rows(study.name, together, found, trials),
             *findings.stiffness_rows(study.name, stiffness, {trial.name: trial.checksum for trial in trials}),
         ),
@@ -338,6 +338,8 @@ def calibration_answer(result: CalibrationResult) -> Answer:
     count = len(result.checksums)
     more, exports = _worth_steps(result), _export_steps(result)
     steps = (*exports[:1], *more, *exports[1:]) if verdict == "yes" else (*_improving(result, joints), *more)
+    limits = {what: limits_of(result.live[card.name]) for what, card in _best_cards(result).items()}
+    limited = "; ".join(f"export of {what}: {words}" for what, words in limits.items() if words)
     clock = tuple(
         Step(f"Check that EMG and torque share a clock, and that no causal filter delays the torque: {sentence}")
         for sentence in (v.text.partition(". ")[0] for v in result.verdicts if v.finding == findings.CLOCK_FINDING)
@@ -352,6 +354,7 @@ def calibration_answer(result: CalibrationResult) -> Answer:
         Basis(count, count, judged=_judged_words(result), held_out=len(_held_out_names(result)),
               computed=result.computed),
         next=(*clock, *steps),
+        qualifier=f"offline; {limited}" if limited and verdict == "yes" else "",
     )
 
 
@@ -362,31 +365,40 @@ LOADS_TEXT = (
 """Next step where EMG does not add to angles."""
 
 
+def _best_cards(result: CalibrationResult) -> dict[str, EmgEstimatorCard]:
+    """Return the estimator to export of each joint that has one: the best in cross-validation."""
+    names = {each.what: [f"emg_{each.what}_{kind}" for kind in ESTIMATOR_KINDS] for each in result.chosen}
+    best = {what: best_estimator(result.cards[n] for n in own if n in result.live) for what, own in names.items()}
+    return {what: card for what, card in best.items() if card is not None}
+
+
 def _export_steps(result: CalibrationResult) -> tuple[Step, ...]:
     """Return the exports of causal estimators with their own held-out figures; a paper where none can be exported.
 
-    The recommended estimator may see the future, and a robot cannot run it.
+    The recommended estimator may see the future, and a robot cannot run it. An estimator that is too poor, or no better
+    than angles alone, is not recommended for export.
     """
-    steps = []
+    good, limited, cards = [], [], _best_cards(result)
     for each in result.chosen:
-        names = [f"emg_{each.what}_{kind}" for kind in ESTIMATOR_KINDS]
-        best = best_estimator(result.cards[name] for name in names if name in result.live)
-        if best is None:
+        if each.what not in cards:
             continue
-        name, scores = best.name, result.live[best.name]
-        figures = " and ".join(f"{s.r2:.3f} on {recording_words(where)}" for where, s in scores.items())
-        alone = {e.recording: f"{e.score.r2:.3f}" for e in each.bare}
-        if set(scores) <= set(alone):
-            figures += f" (angles alone, offline: {' and '.join(alone[where] for where in scores)})"
-        low = min(s.r2 for s in scores.values()) < MIN_TORQUE_R2
-        less = f", less than the required {MIN_TORQUE_R2:g}" if low else ""
+        name = cards[each.what].name
+        scores = result.live[name]
+        if limits := limits_of(scores):
+            limited.append(Step(
+                f"Do not rely on the causal estimator of {each.what} ({name}.json): {limits}. Fit more varied "
+                f"recordings before you export it; now: {scores_words(scores)}"
+            ))  # fmt: skip
+            continue
         words = named_family(name.rpartition("_")[2]).description
-        steps.append(Step(
-            f"Export the causal estimator of {each.what} that is best in cross-validation ({words}): R² {figures}"
-            f"{less}; R² {each.judged[0].score.r2:.3f} belongs to {each.brief}, which runs offline only",
+        good.append(Step(
+            f"Export the causal estimator of {each.what} that is best in cross-validation ({words}): "
+            f"{scores_words(scores)}; R² {each.judged[0].score.r2:.3f} belongs to {each.brief}, which runs offline "
+            "only",
             "export", ("--card", f"{name}.json"),
         ))  # fmt: skip
-    return tuple(steps[:MAX_IMPROVING_STEPS]) or (PAPER_STEP,)
+    steps = (*good, *limited)[:MAX_IMPROVING_STEPS]
+    return steps if good else (*steps, PAPER_STEP)
 
 
 def _worth_steps(result: CalibrationResult) -> tuple[Step, ...]:

@@ -19,7 +19,6 @@ from ....models.estimates import Verdict
 from ....models.parameter_card import ParameterCard
 from ....study.results import ResultRow
 from ....study.study import Study
-from ...estimators.cross_validation import Score, score
 from ...estimators.emg_session import add_channel_watch
 from ...estimators.hill import HillMap
 from ...estimators.torque_map import TorqueMap, fit_torque_map
@@ -28,7 +27,6 @@ from ...estimators.torque_trial import (
     MOTION_LOWPASS_HZ,
     TorqueTrial,
     compute_features,
-    group_pieces,
 )
 from ...models.emg_estimator import (
     EmgEstimatorCard,
@@ -50,9 +48,10 @@ from ...models.muscle_geometry import (
 from ...signals.emg_chain import FILTER_STAGES, EmgChain
 from ..muscle_channels import study_chain
 from .emg_torque_table import EmgTorqueTable
+from .live_scores import score_live
 from .relative_envelopes import find_maxima, is_relative
 from .together import TogetherFindings
-from .torque_findings import CalibrationFindings
+from .torque_findings import BASELINE_ESTIMATOR, CalibrationFindings
 from .trial_sources import moment_trials
 
 PRODUCT_SEPARATOR = " * "
@@ -134,6 +133,9 @@ def estimator_cards(
     `study` [emg_torque].
     """
     cards: dict[str, EmgEstimatorCard] = {}
+    alone = {
+        (e.what, e.recording): e.score.r2 for e in found.evaluated if e.causal and e.estimator == BASELINE_ESTIMATOR
+    }
     chain = study.table(EmgTorqueTable).chain
     asked = study_chain(study, study.table(EmgTorqueTable))
     # The core delays no EMG, and its chains are made of second-order sections.
@@ -157,10 +159,10 @@ def estimator_cards(
             found.without_card[name] = _misfit_words(card)
             continue
         tested = fit.choice.score
-        found.live[name] = _score_live(fit, [t for t in every if t.heldout])
         left_out = fit.residual_sd if isinstance(fit, HillMap) else tested.rmse
         card = add_channel_watch(card, {joint: trials}, {joint: left_out})
         cards[name] = replace(card, cross_validated_rmse=None if tested is None else float(tested.rmse))
+        found.live[name] = score_live(cards[name], {joint: [t for t in every if t.heldout]}, alone, fit.predict)
     # With raw EMG, muscles over all joints were fitted to zero-phase envelopes. They then get no card.
     if together is not None and chain == "none":
         fitted = {joint: [t for t in own if not t.heldout] for joint, own in found.across.items()}
@@ -171,6 +173,8 @@ def estimator_cards(
             found.without_card[name] = _misfit_words(card)
         else:
             cards[name] = add_channel_watch(card, fitted, left_out)
+            held = {joint: [t for t in moment_trials(study, joint, causal=True) if t.heldout] for joint in fitted}
+            found.live[name] = score_live(cards[name], held, alone)
     return cards
 
 
@@ -223,14 +227,6 @@ def watch_rows(study: str, cards: Mapping[str, EmgEstimatorCard]) -> Iterator[Re
             yield ResultRow(
                 f"{study}.{name}.unwatched_exchanges", len(card.watch.alike), "1", "calibrate", "fitted", None, said
             )
-
-
-def _score_live(fit: HillMap | TorqueMap, held: Sequence[TorqueTrial]) -> dict[str, Score]:
-    """Return the score of a causal map on each held-out recording, as the samples were recorded."""
-    return {
-        name: score(np.concatenate([t.torque for t in own]), np.concatenate([fit.predict(t) for t in own]))
-        for name, own in group_pieces(held).items()
-    }
 
 
 def muscle_estimator(

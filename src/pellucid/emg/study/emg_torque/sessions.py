@@ -91,9 +91,7 @@ def watched_card(study: Study, name: str, estimator: Any, fitted: Sequence[Torqu
         card = muscle_estimator(study, name, muscles, {joint: fitted})
     else:
         card = map_estimator(study, name, estimator, fitted)
-    # Trials hold envelopes that are made and scaled already.
-    card = replace(card, chain="none", channels=tuple(replace(channel, scale=1.0) for channel in card.channels))
-    return add_channel_watch(card, {joint: fitted})
+    return add_channel_watch(card.of_envelopes(), {joint: fitted})
 
 
 def _find_changes(card: EmgEstimatorCard, trial: TorqueTrial) -> tuple[ChannelChange, ...]:

@@ -51,6 +51,7 @@ from ...fit.muscle_calibration import DELAY_BOUNDS, MuscleFit
 from ...fit.muscle_posterior import covariance, muscle_parameters, muscle_verdicts, reported_covariance
 from ...models.emg_estimator import EmgEstimatorCard
 from ...models.muscle import CARD_KIND, CalibratedMuscles
+from .live_scores import LiveScore
 
 REPORTED_ESTIMATORS = tuple(ESTIMATOR_FAMILIES)
 """Estimators that `calibrate` reports, in the order of its tables."""
@@ -414,8 +415,7 @@ class CalibrationFindings:
     across: dict[str, list[TorqueTrial]] = field(default_factory=dict)
     cards: dict = field(default_factory=dict)  # Cards by name
     causal: dict = field(default_factory=dict)  # Causal maps that can run live, by joint and estimator
-    # Scores of the causal maps that have a card, by the card's name and by held-out recording
-    live: dict[str, dict[str, Score]] = field(default_factory=dict)
+    live: dict[str, tuple[LiveScore, ...]] = field(default_factory=dict)  # Scores of the estimators that have a card
     without_card: dict[str, str] = field(default_factory=dict)  # Why causal maps have no card, by the card's name
     muscles: dict[str, HillMap] = field(default_factory=dict)  # Muscles fitted to all fitted trials, by joint or person
     shown: dict[str, TorqueTrial] = field(default_factory=dict)  # Trial with which these muscles are drawn
