@@ -11,7 +11,7 @@ from made_emg import FS, raw_emg
 from scipy import signal
 
 import pellucid
-from pellucid._errors import IdentificationError, RecordingError
+from pellucid._errors import IdentificationError, PellucidError, RecordingError
 from pellucid.controllers.export.export_answer import export_answer
 from pellucid.emg.estimators.condition_choice import ConditionTestErrors, run_condition_tests
 from pellucid.emg.estimators.cross_validation import Score
@@ -231,6 +231,18 @@ def test_an_estimator_that_is_no_better_than_angles_is_not_recommended_for_expor
     # One recording on which EMG adds nothing is not enough.
     first, second = found.live[name]
     assert limits_of((replace(first, r2=0.9, angles_r2=0.91), replace(second, r2=0.9, angles_r2=0.7))) == ""
+
+
+def test_where_no_recording_is_held_out_the_next_step_is_to_hold_one_out(tmp_path, quick):
+    """`report` said to calibrate a study that was calibrated, and `export` said so too."""
+    study = leg(tmp_path, [(name, "fit", start, start + 4) for name, start in (("a", 0), ("b", 4), ("c", 8))])
+    found = calibrate(study)
+    for answer in (found.answer, module.calibration_answer(replace(found, chosen=tuple(
+        replace(c, judged=(replace(c.judged[0], score=Score(1.0, 0.1)),)) for c in found.chosen
+    )))):  # fmt: skip
+        assert module.HOLD_OUT_STEP.text in [step.text for step in answer.next]
+    with pytest.raises(PellucidError, match=r'set one recording to use = "validate".*, then use: pellucid calibrate'):
+        pellucid.export(study)
 
 
 def test_the_watch_of_each_card_is_scored_on_held_out_recordings(calibrated):

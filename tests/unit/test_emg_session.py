@@ -7,8 +7,9 @@ import pytest
 from made_walking import MUSCLES, TOPS, changed, walking
 
 from pellucid._errors import IdentificationError
-from pellucid.emg.estimators.emg_session import FittedSession
+from pellucid.emg.estimators.emg_session import FittedSession, _ratio_words
 from pellucid.emg.estimators.ridge import Ridge
+from pellucid.emg.study.emg_torque.sessions import session_verdicts
 
 
 @pytest.fixture(scope="module")
@@ -131,6 +132,22 @@ def test_a_gain_is_named_where_the_others_stay(session):
     trial = walking(1)
     found = session.compare(changed(trial, vastus=5.0 * trial.envelopes["vastus"]))
     assert [(c.muscle, c.kind) for c in found.changes] == [("vastus", "level")]
+
+
+@pytest.mark.parametrize(("ratio", "words"), [(0.3, "0.3"), (0.3332, "0.33"), (3.004, "3.004"), (6.0, "6")])
+def test_a_range_beyond_its_limit_never_reads_as_within_it(ratio, words):
+    """A range of 0.3 times was reported, where 0.3 to 3 times were expected."""
+    assert _ratio_words(ratio) == words
+
+
+def test_a_channel_that_is_held_at_zero_is_no_gain_and_is_not_rescaled(session):
+    trial = walking(1)
+    dead = changed(trial, vastus=0.0 * trial.envelopes["vastus"])
+    found = session.compare(dead)
+    assert [(c.muscle, c.kind, c.found) for c in found.changes] == [("vastus", "silent", "a constant envelope of 0")]
+    assert not session.repair(dead, 3.0, found).envelopes["vastus"].any()
+    advice = [verdict.do for rescaled in (False, True) for verdict in session_verdicts({"a": found}, rescaled)]
+    assert advice == ["Attach the electrode and connect its cable; scaling cannot repair this."] * 2
 
 
 def test_what_all_channels_changed_by_is_taken_off(session):

@@ -161,7 +161,7 @@ class ChannelChange:
     """One channel that differs from the fitted one."""
 
     muscle: str  # Muscle of the channel
-    kind: str  # "floor", "level", "swapped", "pattern" or "crosstalk"; kinds of raw EMG are in `raw_session`
+    kind: str  # "silent", "floor", "level", "swapped", "pattern" or "crosstalk"; kinds of raw EMG are in `raw_session`
     found: str  # Description of the channel now
     expected: str  # Description of the channel as fitted
     other: str = ""  # Muscle whose signal the channel carries
@@ -396,6 +396,7 @@ class FittedSession:
         copies = self._find_copies(level, goes_with, together)
         rather_than_own = None if goes_with is None else _other_pattern_log_likelihood(goes_with) - self.own_doubt
         lowest, highest = self.floors.min(axis=0), self.floors.max(axis=0)
+        most = SESSION_LIMITS.max_range_ratio
         for k, muscle in enumerate(self.muscles):
             if k in swapped:
                 other = self.muscles[swapped[k]]
@@ -404,6 +405,10 @@ class FittedSession:
                                   "probably interchanged", other)
                 )  # fmt: skip
                 continue
+            if now[k] == 0.0 < like[k]:
+                said = f"a constant envelope of {floor[k]:.2g}"
+                found.append(ChannelChange(muscle, "silent", said, "one that varies as in the fitted recordings"))
+                continue
             if abs(risen[k]) > SESSION_LIMITS.max_floor_shift:
                 ends = dict.fromkeys((f"{lowest[k]:.2g}", f"{highest[k]:.2g}"))
                 expected = (
@@ -411,16 +416,9 @@ class FittedSession:
                     "fitted recordings"
                 )
                 found.append(ChannelChange(muscle, "floor", f"a noise floor of {floor[k]:.2g}", expected))
-            if not 1.0 / SESSION_LIMITS.max_range_ratio <= level[k] <= SESSION_LIMITS.max_range_ratio:
-                said = f"{level[k]:.2g} times the fitted range, relative to the change of all channels"
-                found.append(
-                    ChannelChange(
-                        muscle,
-                        "level",
-                        said,
-                        f"{1 / SESSION_LIMITS.max_range_ratio:.1g} to {SESSION_LIMITS.max_range_ratio:g} times",
-                    )
-                )
+            if not 1.0 / most <= level[k] <= most:
+                said = f"{_ratio_words(level[k])} times the fitted range, relative to the change of all channels"
+                found.append(ChannelChange(muscle, "level", said, f"1/{most:g} to {most:g} times"))
             if k in copies:
                 i, other = copies[k], self.muscles[copies[k]]
                 said = f"the signal of {other} (correlation of envelopes {np.tanh(together[i, k]):.3f})"
@@ -529,6 +527,13 @@ def _other_pattern_log_likelihood(goes_with: np.ndarray) -> np.ndarray:
     """Return the log-likelihood ratio for channel k to match the pattern of muscle i rather than its own, (k, k)."""
     unexplained = _log_unexplained_share(goes_with)
     return np.diag(unexplained)[None, :] - unexplained
+
+
+def _ratio_words(ratio: float) -> str:
+    """Return a ratio beyond its limits with so many digits that it reads as beyond them."""
+    most = SESSION_LIMITS.max_range_ratio
+    texts = (f"{ratio:.{digits}g}" for digits in range(2, 16))
+    return next((text for text in texts if not 1.0 / most <= float(text) <= most), f"{ratio!r}")
 
 
 def _range_ratio(now: np.ndarray, like: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ class LiveEstimate:
 
     torque: Mapping[str, float]  # Torque by joint [N m], always finite and within its limit
     fault: str  # Gravest of the `FAULTS`; "none" if the estimate is as good as the calibration
-    lost: tuple[str, ...] = ()  # Channels silent for too long: a pattern replaces them, or rest
+    lost: tuple[str, ...] = ()  # Channels missing for too long: a pattern replaces them, or rest
     above: tuple[str, ...] = ()  # Channels above their largest value in the calibration, which were clipped
     blind: tuple[str, ...] = ()  # Lost angles, without which every torque is 0
     changed: tuple[str, ...] = ()  # Channels unlike the calibration, whose patterns by the movement take their places

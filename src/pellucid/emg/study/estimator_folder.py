@@ -42,7 +42,7 @@ from ..models.emg_estimator import (
     unwatched_words,
 )
 from .emg_torque.emg_torque_table import EmgTorqueTable
-from .emg_torque.live_scores import limits_of, read_live_scores, scores_words
+from .emg_torque.live_scores import HOLD_OUT_TEXT, limits_of, read_live_scores, scores_words
 
 FOLDER_TITLE = "torque of joints from EMG"
 """Title in the exported files."""
@@ -102,10 +102,11 @@ def chosen_card(
     best = best_estimator(require_fresh(study, path, read_estimator_card(path)) for path in paths)
     if best is None:
         every = ", ".join(name for own in names for name in own)
+        held_out = "" if study.recordings("validate") else f"{HOLD_OUT_TEXT}, then "
         raise PellucidError(
             f"export of {study.name}: found none of the cards {every} in {study.models_dir}, expected one. "
-            "A card needs a held-out recording and a causal chain; "
-            f"use: {printed_command('calibrate', study.folder)}"
+            f"A card needs a held-out recording and a causal chain; {held_out}use: "
+            f"{printed_command('calibrate', study.folder)}"
         )
     return best
 
@@ -290,7 +291,7 @@ def _product(term) -> str:
 
 
 def describe_card(study: Study, name: str) -> tuple[str, ...]:
-    """Return sentences on a card: what it estimates, its held-out figures, and what else can be exported."""
+    """Return sentences on a card: its joints, its held-out figures, and other cards to export."""
     rows = _result_rows(study)
     scores = read_live_scores(study.name, name, rows)
     what, _, kind = name.removeprefix("emg_").rpartition("_")
@@ -339,7 +340,7 @@ class EstimatorExporter(ControllerExporter):
         return " ".join((*(describe_card(request.study, Path(cards[0]).stem) if cards else ()), supervised))
 
     def make_answer(self, request: ExportRequest, place: Path) -> Answer:
-        """Return the answer, with what limits the written estimator on held-out recordings."""
+        """Return the answer, with the limits of the written estimator on held-out recordings."""
         study, cards = request.study, self.written_cards(place)
         rows = _result_rows(study)
         limits = limits_of([one for each in cards for one in read_live_scores(study.name, Path(each).stem, rows)])

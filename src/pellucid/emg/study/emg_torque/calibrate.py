@@ -47,7 +47,7 @@ from . import together as across_joints
 from . import torque_findings as findings
 from .emg_torque_table import EmgTorqueTable
 from .estimator_cards import estimator_cards, misfit_verdicts, torque_card, watch_rows, watch_verdicts
-from .live_scores import MIN_TORQUE_R2, LiveScore, limits_of, live_rows, live_tables, scores_words
+from .live_scores import HOLD_OUT_TEXT, MIN_TORQUE_R2, LiveScore, limits_of, live_rows, live_tables, scores_words
 from .relative_envelopes import find_scales, normalisation_words, scale_rows, scale_verdicts
 from .sessions import LIVE_ESTIMATORS, compare_sessions, invalidity_words, session_tables, session_verdicts
 from .study_muscles import ignored_channel_verdicts
@@ -59,6 +59,7 @@ from .torque_findings import (
     MAX_NAMED_GAINS,
     REPORTED_ESTIMATORS,
     STEP_KIND,
+    TRIALS_KIND,
     CalibrationFindings,
     ConditionScore,
     EstimatorEvaluation,
@@ -86,7 +87,7 @@ def leave_out_recordings(study: Study, tell: Progress) -> CalibrationFindings:
     found.verdicts.extend((*ignored_channel_verdicts(study), *mains_verdicts(study, study.table(EmgTorqueTable))))
     for i, joint in enumerate(joints):
         found.across[joint] = moment_trials(study, joint)
-        _evaluate_trials(found, found.across[joint], joint, "trials", 1.0, _part_progress(tell, i, len(joints)))
+        _evaluate_trials(found, found.across[joint], joint, TRIALS_KIND, 1.0, _part_progress(tell, i, len(joints)))
     return found
 
 
@@ -337,7 +338,9 @@ def calibration_answer(result: CalibrationResult) -> Answer:
     verdict = verdict_of_parts(joints)
     count = len(result.checksums)
     more, exports = _worth_steps(result), _export_steps(result)
-    steps = (*exports[:1], *more, *exports[1:]) if verdict == "yes" else (*_improving(result, joints), *more)
+    steps = (*exports[:1], *more, *exports[1:])
+    if verdict != "yes":
+        steps = (*_improving(result, joints), *more, *(step for step in exports if step is HOLD_OUT_STEP))
     limits = {what: limits_of(result.live[card.name]) for what, card in _best_cards(result).items()}
     limited = "; ".join(f"export of {what}: {words}" for what, words in limits.items() if words)
     clock = tuple(
@@ -363,6 +366,10 @@ LOADS_TEXT = (
     'them out (`use = "validate"`)'
 )
 """Next step where EMG does not add to angles."""
+
+
+HOLD_OUT_STEP = Step(f"To export an estimator, {HOLD_OUT_TEXT} and calibrate again")
+"""Next step where cross-validation was over all recordings, which writes no card to export."""
 
 
 def _best_cards(result: CalibrationResult) -> dict[str, EmgEstimatorCard]:
@@ -397,6 +404,8 @@ def _export_steps(result: CalibrationResult) -> tuple[Step, ...]:
             "only",
             "export", ("--card", f"{name}.json"),
         ))  # fmt: skip
+    if any(each.judged[0].kind == TRIALS_KIND for each in result.chosen):
+        limited.append(HOLD_OUT_STEP)
     steps = (*good, *limited)[:MAX_IMPROVING_STEPS]
     return steps if good else (*steps, PAPER_STEP)
 

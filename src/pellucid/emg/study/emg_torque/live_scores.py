@@ -20,6 +20,9 @@ from ...models.emg_estimator import EmgEstimatorCard
 MIN_TORQUE_R2 = 0.8
 """Smallest R² on recordings that were not fitted for which torque counts as estimated: that of a sound joint model."""
 
+HOLD_OUT_TEXT = 'set one recording to use = "validate" in study.toml'
+"""Advice where no recording is held out."""
+
 LiveRun = tuple[dict[str, np.ndarray], np.ndarray]
 """Torque of each joint without the watch, shape (n,) [N m] each, and whether the watch trusts it, shape (n,)."""
 

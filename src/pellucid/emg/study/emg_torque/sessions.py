@@ -133,6 +133,7 @@ ELECTRODE_ADVICE = ("Check the electrode, its contact and its cable; scaling can
 """Advice for a change of raw EMG, without `rescale` and with it."""
 
 ADVICE_BY_CHANGE = {
+    "silent": ("Attach the electrode and connect its cable; scaling cannot repair this.",) * 2,
     "swapped": (
         f"Check cables and columns, or set {RESCALE_KEY} to exchange the two channels.",
         "The two channels were exchanged in estimators whose torque they affect.",

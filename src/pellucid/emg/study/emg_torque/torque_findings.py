@@ -63,6 +63,9 @@ CAUSAL_ESTIMATORS = tuple(name for name, family in ESTIMATOR_FAMILIES.items() if
 STEP_KIND = "steps"
 """Kind of an evaluation of torque against an orthosis, whose errors are pooled over trials; others are means."""
 
+TRIALS_KIND = "trials"
+"""Kind of an evaluation by cross-validation over recordings."""
+
 FORMULA_KIND = "normalised"
 """Kind of an evaluation whose reference is a formula in the angle, relative to the leg's weight, and no torque."""
 
@@ -85,7 +88,7 @@ class EstimatorEvaluation:
     choice: str  # Chosen features and settings, in words
     examined: ConditionTestErrors | None = None  # Condition tests; None for an estimator that may not be recommended
     by_trial: Mapping[str, Score] = field(default_factory=dict, repr=False)  # Score of each trial left out in turn
-    # Kind of evaluation, which sets the row's id: ``"recording"``, ``"trials"`` (means over trials left out),
+    # Kind of evaluation, which sets the row's id: ``"recording"``, `TRIALS_KIND` (means over trials left out),
     # `STEP_KIND` or `FORMULA_KIND`
     kind: str = "recording"
     seconds: float | None = None  # Duration of one calibration with all starts [s], if it is reported
@@ -876,7 +879,7 @@ ROWS_OVER_TRIALS = {
     FORMULA_KIND: (
         "{what}.{how}.rmse_normalised", "{what}.{how}.r2", f"relative to the weight of the leg; {OVER_TRIALS_NOTE}",
     ),
-    "trials": ("{what}.{how}.rmse", "{what}.{how}.r2", OVER_TRIALS_NOTE),
+    TRIALS_KIND: ("{what}.{how}.rmse", "{what}.{how}.r2", OVER_TRIALS_NOTE),
 }
 """Ids of RMSE and R² of evaluations over all trials by their kind, and the beginning of the RMSE's note."""
 
