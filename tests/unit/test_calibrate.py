@@ -23,7 +23,7 @@ from pellucid.emg.estimators.torque_trial import MovedBody, compute_features
 from pellucid.emg.study.emg_torque import calibrate as module
 from pellucid.emg.study.emg_torque.calibration_page import coverage_text, page
 from pellucid.emg.study.emg_torque.estimator_cards import PRODUCT_SEPARATOR
-from pellucid.emg.study.emg_torque.live_scores import limits_of, read_live_scores
+from pellucid.emg.study.emg_torque.live_scores import export_qualifier, limits_of, read_live_scores
 from pellucid.emg.study.emg_torque.torque_findings import (
     EstimatorEvaluation,
     TorqueTrace,
@@ -225,12 +225,14 @@ def test_an_estimator_that_is_no_better_than_angles_is_not_recommended_for_expor
     name = "emg_knee_ridge"
     poor = replace(found, live={name: tuple(replace(s, r2=0.79, angles_r2=0.8) for s in found.live[name])})
     answer = module.calibration_answer(poor)
-    assert answer.qualifier == "offline; export of knee: R² below 0.8, no better than angles alone"
+    assert answer.qualifier == "offline; exports: R² below 0.8, no better than angles alone"
     assert "export" not in {step.name for step in answer.next}
     assert answer.next[0].text.startswith(f"Do not rely on the causal estimator of knee ({name}.json): R² below 0.8, ")
     # One recording on which EMG adds nothing is not enough.
     first, second = found.live[name]
-    assert limits_of((replace(first, r2=0.9, angles_r2=0.91), replace(second, r2=0.9, angles_r2=0.7))) == ""
+    assert limits_of((replace(first, r2=0.9, angles_r2=0.91), replace(second, r2=0.9, angles_r2=0.7))) == ()
+    limits = {"knee": ("R² below 0.8",), "ankle": ()}
+    assert export_qualifier(limits) == "offline; exports: R² below 0.8 for knee"
 
 
 def test_where_no_recording_is_held_out_the_next_step_is_to_hold_one_out(tmp_path, quick):

@@ -299,7 +299,7 @@ def describe_card(study: Study, name: str) -> tuple[str, ...]:
     family = f"{named_family(kind).description}, {name}.json" if kind in ESTIMATOR_KINDS else f"{name}.json"
     sentences = [f"Estimates torque of {' and '.join(joints)} from past samples ({family})."]
     if scores:
-        limits = limits_of(scores)
+        limits = ", ".join(limits_of(scores))
         sentences.append(f"Held-out recordings: {scores_words(scores)}.{f' Limits: {limits}.' if limits else ''}")
     else:
         sentences.append("Its error on held-out recordings is not known: run `calibrate`.")
@@ -344,7 +344,7 @@ class EstimatorExporter(ControllerExporter):
         study, cards = request.study, self.written_cards(place)
         rows = _result_rows(study)
         limits = limits_of([one for each in cards for one in read_live_scores(study.name, Path(each).stem, rows)])
-        return replace(super().make_answer(request, place), qualifier=limits)
+        return replace(super().make_answer(request, place), qualifier=", ".join(limits))
 
     def fits(self, request: ExportRequest) -> bool:
         """Return whether the estimator is requested: by its card, or if the study has nothing else."""

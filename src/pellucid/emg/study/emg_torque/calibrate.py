@@ -47,7 +47,16 @@ from . import together as across_joints
 from . import torque_findings as findings
 from .emg_torque_table import EmgTorqueTable
 from .estimator_cards import estimator_cards, misfit_verdicts, torque_card, watch_rows, watch_verdicts
-from .live_scores import HOLD_OUT_TEXT, MIN_TORQUE_R2, LiveScore, limits_of, live_rows, live_tables, scores_words
+from .live_scores import (
+    HOLD_OUT_TEXT,
+    MIN_TORQUE_R2,
+    LiveScore,
+    export_qualifier,
+    limits_of,
+    live_rows,
+    live_tables,
+    scores_words,
+)
 from .relative_envelopes import find_scales, normalisation_words, scale_rows, scale_verdicts
 from .sessions import LIVE_ESTIMATORS, compare_sessions, invalidity_words, session_tables, session_verdicts
 from .study_muscles import ignored_channel_verdicts
@@ -342,7 +351,6 @@ def calibration_answer(result: CalibrationResult) -> Answer:
     if verdict != "yes":
         steps = (*_improving(result, joints), *more, *(step for step in exports if step is HOLD_OUT_STEP))
     limits = {what: limits_of(result.live[card.name]) for what, card in _best_cards(result).items()}
-    limited = "; ".join(f"export of {what}: {words}" for what, words in limits.items() if words)
     clock = tuple(
         Step(f"Check that EMG and torque share a clock, and that no causal filter delays the torque: {sentence}")
         for sentence in (v.text.partition(". ")[0] for v in result.verdicts if v.finding == findings.CLOCK_FINDING)
@@ -357,7 +365,7 @@ def calibration_answer(result: CalibrationResult) -> Answer:
         Basis(count, count, judged=_judged_words(result), held_out=len(_held_out_names(result)),
               computed=result.computed),
         next=(*clock, *steps),
-        qualifier=f"offline; {limited}" if limited and verdict == "yes" else "",
+        qualifier=export_qualifier(limits) if verdict == "yes" else "",
     )
 
 
@@ -393,8 +401,8 @@ def _export_steps(result: CalibrationResult) -> tuple[Step, ...]:
         scores = result.live[name]
         if limits := limits_of(scores):
             limited.append(Step(
-                f"Do not rely on the causal estimator of {each.what} ({name}.json): {limits}. Fit more varied "
-                f"recordings before you export it; now: {scores_words(scores)}"
+                f"Do not rely on the causal estimator of {each.what} ({name}.json): {', '.join(limits)}. Fit more "
+                f"varied recordings before you export it; now: {scores_words(scores)}"
             ))  # fmt: skip
             continue
         words = named_family(name.rpartition("_")[2]).description

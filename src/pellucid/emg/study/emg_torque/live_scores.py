@@ -101,8 +101,8 @@ def read_live_scores(study: str, card: str, rows: Iterable[ResultRow]) -> tuple[
     return tuple(LiveScore(*place, **numbers) for place, numbers in found.items() if "r2" in numbers)
 
 
-def limits_of(scores: Sequence[LiveScore]) -> str:
-    """Return in words why an estimator is not recommended for export; "" if it is.
+def limits_of(scores: Sequence[LiveScore]) -> tuple[str, ...]:
+    """Return in words why an estimator is not recommended for export; empty if it is.
 
     R² is too low on a recording, or not larger than that of angles alone in the mean over recordings.
     """
@@ -111,7 +111,19 @@ def limits_of(scores: Sequence[LiveScore]) -> str:
         f"R² below {MIN_TORQUE_R2:g}": any(each.r2 < MIN_TORQUE_R2 for each in scores),
         "no better than angles alone": bool(gains) and sum(gains) <= 0.0,
     }
-    return ", ".join(words for words, is_so in said.items() if is_so)
+    return tuple(words for words, is_so in said.items() if is_so)
+
+
+def export_qualifier(limits: Mapping[str, Sequence[str]]) -> str:
+    """Return what limits the verdict if estimators with these limits, by joint, are exported; "" for nothing."""
+    joints: dict[str, list[str]] = {}
+    for joint, own in limits.items():
+        for words in own:
+            joints.setdefault(words, []).append(joint)
+    said = [
+        words if len(own) == len(limits) else f"{words} for {' and '.join(own)}" for words, own in joints.items()
+    ]
+    return f"offline; exports: {', '.join(said)}" if said else ""
 
 
 def scores_words(scores: Sequence[LiveScore]) -> str:
