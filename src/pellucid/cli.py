@@ -699,7 +699,8 @@ def commission(
         ),
     ] = None,
     worn: Annotated[
-        list[Path] | None, typer.Option("--worn", metavar="FILE", help="The same on a wearer at ease; repeatable.")
+        list[Path] | None,
+        typer.Option("--worn", metavar="FILE", help="The same on a wearer at ease, after --log; repeatable."),
     ] = None,
     udp: Annotated[
         str | None, typer.Option("--udp", metavar="HOST:PORT", help="Listen there for the robot, and start it.")
@@ -711,10 +712,13 @@ def commission(
     wearer: Annotated[
         bool, typer.Option("--wearer/--no-wearer", help="Whether somebody wears the robot for the answers.")
     ] = True,
+    gain_checked: Annotated[
+        bool, typer.Option("--gain-checked", help="You checked the gain by hand, if the starts do not show it.")
+    ] = False,
     allow_outside: Outside = False,
     accept_stale: Stale = False,
 ) -> None:
-    """Measure drive and answers of a robot for its export."""
+    """Measure the drive in ten starts that nobody wears, then the answers for the export on a wearer."""
     from contextlib import nullcontext
 
     from .controllers.study.commission import commission as run
@@ -727,13 +731,14 @@ def commission(
         tell("starting the robot" if not (log or files) else "reading the starts", 0.2)
         done = run(
             study, logs=[*(log or []), *(files or [])], worn_logs=worn or [], robot=robot, controller=controller,
-            participant=participant, wearer=wearer, ask=lambda text: typer.prompt(text, default="", show_default=False),
+            participant=participant, wearer=wearer, gain_checked=gain_checked,
+            ask=lambda text: typer.prompt(text, default="", show_default=False),
         )  # fmt: skip
     console = make_console()
     print_answer(console, done.answer)
     for line in done.lines():
         print_line(console, line)
-    print_line(console, f"Next: {done.answer.next_command}")
+    print_line(console, f"Next: {done.answer.next_command or done.answer.next[0].text}")
     if done.answer.verdict == "no":
         raise typer.Exit(1)
 

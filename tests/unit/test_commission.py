@@ -54,6 +54,27 @@ def test_before_a_soft_transmission_the_sign_alone_is_told():
     assert math.isnan(found.delay)  # it was told, and wrong by up to 24 ms
 
 
+def test_starts_that_the_supervisor_stopped_are_refused():
+    """A drive with half of its gain met its measurement's check in the wave; the rest told a compliant transmission."""
+    robot = replace(draw_robot(0, 3), rotor_share=0.0)
+    starts = [play_start(robot, 0, k, 3) for k in range(5)]
+    first = int(np.flatnonzero(starts[0].effort)[0])
+    kept = np.arange(len(starts[0].effort)) < first + 20
+    cut = [replace(start, effort=np.where(kept, start.effort, 0.0)) for start in starts]
+    with pytest.raises(PellucidError, match="found 0 of 5 starts with a whole wave, expected at least 3: the"):
+        drive_check(cut, robot.model_inertia)
+
+
+def test_an_answer_holds_for_the_wave_that_gave_it():
+    own = law().supervision["test_effort"]
+    known = law(start_up_answer=0.02, start_up_wave=own).supervision
+    other = law(start_up_answer=0.02, start_up_wave=1.4 * own).supervision
+    unknown = law().supervision
+    assert (other["test_least"], other["test_most"]) == (unknown["test_least"], unknown["test_most"])
+    assert known["test_most"] == pytest.approx(1.9 * 0.02)
+    assert law(start_up_answer=0.02).supervision["test_most"] == known["test_most"]
+
+
 def test_starts_that_move_nothing_are_refused():
     still = StartLog("s", 1e-3 * np.arange(300), np.zeros(300), np.zeros(300))
     with pytest.raises(PellucidError, match="found 0 starts in which an effort moves the joint, expected at least 3"):
@@ -71,7 +92,11 @@ def test_a_virtual_robot_is_commissioned():
     assert found.gain == pytest.approx(1.0, abs=0.05)
     worn = record_starts(VirtualRobot(JOINT, worn=True, period=1e-3), safe, 2, worn=True)
     told = answers(safe, worn)
+    assert told.start_up is None  # two starts have no spread
+    worn = record_starts(VirtualRobot(JOINT, worn=True, period=1e-3), safe, 3, worn=True)
+    told = answers(safe, worn)
     assert told.start_up > 0.0
+    assert told.wave == safe.supervision["test_effort"]
     assert len(told.probe) == 6
     assert told.notes == ()
     # What was told is what the supervisor then takes for right.
@@ -111,9 +136,8 @@ def test_answers_are_written_with_their_spread(tmp_path):
     path = tmp_path / "study.toml"
     text = '[rig]\nmotion = "rotary"\n\n[rig.instruments]\nprobe = true\nprobe_answer = [1, 2]\n\n[channels]\n'
     path.write_text(text)
-    assert state_answers(path, Answers(0.02, 0.001, (1.0, 0.0, 2.0, 0.0, 3.0, 0.0), 40, 10)) == (
-        "start_up_answer", "probe_answer",
-    )  # fmt: skip
+    found = Answers(0.02, 0.001, (1.0, 0.0, 2.0, 0.0, 3.0, 0.0), 40, 10, wave=2.0)
+    assert state_answers(path, found) == ("start_up_answer", "start_up_wave", "probe_answer")
     text = path.read_text()
     assert text.count("probe_answer") == 1
     assert "standard deviation 0.001 J" in text
@@ -177,10 +201,10 @@ def test_a_spring_is_refused_and_a_virtual_study_is_commissioned(tmp_path):
     [
         (DriveCheck(-1, 1.0, 0.01, 1e-3, 10), "No", "its sign is reversed"),
         (DriveCheck(1, 1.4, 0.01, 1e-3, 10), "No", "its gain is 1.400 times the stated one"),
-        (DriveCheck(1, np.nan, np.nan, 1e-3, 10), "Yes (sign only)", ""),
+        (DriveCheck(1, np.nan, np.nan, 1e-3, 10), "Cannot say", "the sign is right; the motion does not show the gain"),
     ],
 )
 def test_a_commissioning_answers_whether_the_drive_follows(drive, badge, reason):
     answer = Commissioning("logs", drive, Answers(None, np.nan, None, 0, 10), (), "arm").answer
     assert (answer.badge, answer.reason) == (badge, reason)
-    assert answer.next_command == f"pellucid {'commission' if reason else 'export'} arm"
+    assert answer.next_command == ("" if reason else "pellucid export arm")

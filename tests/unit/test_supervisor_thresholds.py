@@ -230,8 +230,8 @@ def test_a_measured_drive_is_watched_for_being_late():
     assert fast["drive_late"] == thresholds(instruments=measured)["drive_late"]
 
 
-@pytest.mark.parametrize(("period", "still"), [(2e-3, 250.0), (1e-3, 500.0), (5e-4, 1000.0), (3e-4, 1667.0)])
-def test_a_joint_that_rests_for_half_a_second_is_asked(period, still):
+@pytest.mark.parametrize(("period", "still"), [(2e-3, 200.0), (1e-3, 400.0), (5e-4, 800.0), (3e-4, 1333.0)])
+def test_a_joint_that_rests_is_asked(period, still):
     """By the wave of the start-up test, which moves the robot against its friction, also without such a test."""
     law = joint(period=period, max_age=5.0 * period)
     asked = thresholds(law, instruments=Instruments(probe=True, encoder_resolution=1e-5), start_up=False)
@@ -239,6 +239,9 @@ def test_a_joint_that_rests_for_half_a_second_is_asked(period, still):
     assert (asked["still_samples"], asked["test_effort"]) == (still, 0.0)
     assert (asked["still_effort"], asked["still_half_wave"]) == (tested["test_effort"], tested["test_samples"])
     assert asked["still_half_wave"] == round(0.032 / period)
+    exported = {probe: Instruments(drive=True, probe=probe, encoder_resolution=1e-5) for probe in (None, False)}
+    told = [thresholds(law, instruments=one)["still_samples"] for one in exported.values()]
+    assert told == [0.0, still], "an export asks a joint with a measured drive, too"
 
 
 def test_rates_that_a_slow_period_cannot_follow():

@@ -20,6 +20,7 @@ from typing import Protocol
 import numpy as np
 
 from .._errors import PellucidError
+from .instruments import MAX_WAVE_DIFFERENCE
 from .supervised import TEST_SAMPLE_BOUNDS, SupervisedLaw
 
 MIN_STARTS = 3
@@ -48,9 +49,6 @@ MAX_UNEXPLAINED_SHARE = 0.02
 
 MAX_GAIN_ERROR = 0.15
 """Largest relative difference of the measured gain from the stated one of a drive that is right [1]."""
-
-MAX_WAVE_DIFFERENCE = 0.05
-"""Largest difference of a logged wave's height from that of the start-up test, relative to it [1]."""
 
 MIN_PROBE_WINDOWS = 20
 """Smallest number of windows of a moving joint from which the probe's answers are taken."""
@@ -82,8 +80,13 @@ class DriveCheck:
 
     @property
     def is_right(self) -> bool:
-        """Whether the drive gives what it is asked for, as far as the motion tells."""
-        return self.sign > 0 and not abs(self.gain - 1.0) > MAX_GAIN_ERROR
+        """Whether the motion shows that the drive gives what it is asked for."""
+        return self.sign > 0 and abs(self.gain - 1.0) <= MAX_GAIN_ERROR
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the sign is right and the motion does not show the gain."""
+        return self.sign > 0 and math.isnan(self.gain)
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,7 @@ class Answers:
     probe_windows: int
     starts: int
     notes: tuple[str, ...] = ()  # why an answer is not told
+    wave: float = math.nan  # amplitude of the test's wave [N m or N]
 
 
 def drive_check(starts: Sequence[StartLog], inertia: float) -> DriveCheck:
@@ -104,7 +108,7 @@ def drive_check(starts: Sequence[StartLog], inertia: float) -> DriveCheck:
     Raises
     ------
     PellucidError
-        If there are fewer than `MIN_STARTS` in which the joint moves.
+        If there are fewer than `MIN_STARTS` in which the joint moves, or whose wave is whole.
     """
     if not inertia > 0.0:
         raise PellucidError(f"commission: found an inertia of {inertia:g}, expected a known one above 0")
@@ -113,6 +117,16 @@ def drive_check(starts: Sequence[StartLog], inertia: float) -> DriveCheck:
         raise PellucidError(
             f"commission: found {len(moved)} starts in which an effort moves the joint, expected at least {MIN_STARTS}"
         )
+    sign = 1 if np.median(list(map(_first_work, moved))) > 0.0 else -1
+    whole = [start for start in moved if _is_whole(start)]
+    if len(whole) < MIN_STARTS and sign < 0:
+        return DriveCheck(sign, math.nan, math.nan, math.nan, len(moved))
+    if len(whole) < MIN_STARTS:
+        raise PellucidError(
+            f"commission: found {len(whole)} of {len(moved)} starts with a whole wave, expected at least {MIN_STARTS}: "
+            "the supervisor stopped the others. Its fault says why; check the drive and its measurement"
+        )
+    moved = whole
     delays = np.arange(0.0, LONGEST_DELAY_S, DELAY_STEP_S)
     windows = [_windows(start) for start in moved]
     costs = [_solved([_rows(w, inertia, delay) for w in windows])[1] for delay in delays]
@@ -126,11 +140,15 @@ def drive_check(starts: Sequence[StartLog], inertia: float) -> DriveCheck:
     each = [_solved([_rows(w, inertia, delay)])[0][0] for w in windows]
     sides = np.concatenate([_rows(w, inertia, delay)[:, 0] for w in windows])
     left = _solved([_rows(w, inertia, delay) for w in windows])[1] / float(np.sum(sides**2))
-    works = list(map(_first_work, moved))
-    sign = 1 if np.median(works) > 0.0 else -1
     told = left <= MAX_UNEXPLAINED_SHARE and sign * found[0] > 0.0
     gain, delay = (abs(float(found[0])), delay) if told else (math.nan, math.nan)
     return DriveCheck(sign, gain, float(np.std(each, ddof=1)), delay, len(moved))
+
+
+def _is_whole(start: StartLog) -> bool:
+    """Return whether a wave pushes both ways alike."""
+    most = min(start.effort.max(), -start.effort.min())
+    return bool(most >= (1.0 - MAX_WAVE_DIFFERENCE) * np.abs(start.effort).max())
 
 
 def _first_work(start: StartLog) -> float:
@@ -277,11 +295,13 @@ def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
     probe = None
     if sum(windows) >= MIN_PROBE_WINDOWS:
         probe = tuple(map(float, np.average(probed, axis=0, weights=windows)))
-    mean = float(np.mean(works)) if works and law.supervision["test_effort"] > 0.0 else None
+    if 0 < len(works) < MIN_STARTS:
+        notes[f"only {len(works)} starts with a whole wave: the response of the start-up test was not computed"] = None
+    mean = float(np.mean(works)) if len(works) >= MIN_STARTS and wave > 0.0 else None
     spread = float(np.std(works, ddof=1)) if len(works) > 1 else 0.0
     if probe is None and law.supervision["probe_effort"] > 0.0:
         notes["too little motion while the controller was running to compute the probe's response"] = None
-    return Answers(mean, spread, probe, int(sum(windows)), len(works), tuple(notes))
+    return Answers(mean, spread, probe, int(sum(windows)), len(works), tuple(notes), wave)
 
 
 def _required(law: SupervisedLaw) -> tuple[str, ...]:
@@ -331,8 +351,12 @@ EMPTY_START_S = 1.2
 MOVED_S = 20.0
 """Time for which a wearer at ease moves the joint with the law running."""
 
-WHATEVER_IT_SHOWS = {"test_least": -1e9, "test_most": math.inf, "range_min": -math.inf, "range_max": math.inf}
-"""Supervisor's numbers for starts that nobody wears: the whole wave is played, wherever the joint hangs."""
+WHATEVER_IT_SHOWS = {
+    "test_least": -1e9, "test_most": math.inf, "range_min": -math.inf, "range_max": math.inf,
+    "drive_expected": 0.0, "drive_delay": math.inf,
+}  # fmt: skip
+"""Supervisor's numbers for starts that nobody wears: the whole wave is played, wherever the joint hangs, whatever the
+drive measures."""
 
 PAUSE_S = 0.3
 """Time without power between two starts."""

@@ -11,6 +11,9 @@ from .._errors import PellucidError
 COMMISSIONING_CONDITION = "Nobody wears the robot, and the joint can move freely."
 """Condition of the ten starts that measure sign, gain and delay of a drive."""
 
+MAX_WAVE_DIFFERENCE = 0.05
+"""Largest difference of the amplitude of a wave from that of the start-up test, relative to it [1]."""
+
 ENCODER_RESOLUTION = 4e-4
 """Error of one encoder reading if none is stated [rad or m]."""
 
@@ -76,6 +79,9 @@ class Instruments:
     start_up_answer : float or None
         Work of the start-up test's wave at commissioning, with a drive known to be right [J]. None uses bounds for any
         robot, which allow a gain that is wrong by a factor of up to three.
+    start_up_wave : float or None
+        Amplitude of the wave that gave `start_up_answer` [N m or N]: a control law with another wave does not use the
+        answer. None: that of the control law.
     probe : bool or None
         Whether a small wave of effort may test encoder and drive while the law runs. None: an export decides, by
         whether the drive is measured; elsewhere it does not.
@@ -122,21 +128,27 @@ class Instruments:
     force_offset: float | None = None
     emg_range: float = 40.0
     start_up_answer: float | None = None
+    start_up_wave: float | None = None
     probe: bool | None = None
     probe_answer: tuple[float, ...] | None = None
     shaking: bool | None = None
     stated: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
 
+    def answer_to(self, wave: float) -> float | None:
+        """Return the work of the start-up test at commissioning [J] with a wave of this amplitude, if known."""
+        same = self.start_up_wave is None or abs(self.start_up_wave - wave) <= MAX_WAVE_DIFFERENCE * wave
+        return self.start_up_answer if same else None
+
     @property
     def asks_at_rest(self) -> bool:
-        """Whether a small wave asks a joint whose encoder reads the same for long: in exports with probe or measured drive."""
+        """Whether a wave asks a joint whose encoder reads the same for long: in exports that probe or measure."""
         return bool(self.probe) or (self.drive and self.probe is not None)
 
     def __post_init__(self):
         if self.probe_answer is not None:
             object.__setattr__(self, "probe_answer", _checked_answer(self.probe_answer))
         positive = ("encoder_resolution", "joint_tolerance", "drive_limit", "spring_stiffness", "force_range",
-                    "emg_range", "start_up_answer")  # fmt: skip
+                    "emg_range", "start_up_answer", "start_up_wave")  # fmt: skip
         for name in (each.name for each in fields(self)):
             value = getattr(self, name)
             if value is None or isinstance(value, bool | tuple | frozenset):

@@ -372,7 +372,7 @@ The joint reverses four times a second: 4/s (1/20 - 1/100) s, and a third more f
 SHAKING_TIME_S = 0.01625
 """Largest travel of an oscillation from turn to turn, over the velocity limit [s].
 
-On 440 foreign plants of 20261101 and 20261103 wearers who reach and rest, stop suddenly, hit things and have spasms made
+On 440 foreign plants of 20261101 and 20261103 wearers who reach, stop suddenly, hit things and have spasms made
 at most 0.76 of it four times in a row in 55 h, and 0.42 of it six times. A sine of 5 N m at 2.5 Hz that a drive added
 gave 9.4 J at most. A smaller limit leaves as much: in its first three ways the sine gives up to 7.5 J, and healthy
 wearers make three ways that are larger than those of most sines."""
@@ -950,8 +950,9 @@ def supervision_of(
             "test_least": wave.least,
             "test_most": wave.most,
         }
-    if instruments.start_up_answer is not None:
-        made["test_least"], made["test_most"] = commissioned_bounds(instruments.start_up_answer)
+    answer = instruments.answer_to(made.get("test_effort", math.nan))
+    if answer is not None:
+        made["test_least"], made["test_most"] = commissioned_bounds(answer)
     if instruments.probe:
         resolution = complete.encoder_resolution
         made |= probe_numbers(

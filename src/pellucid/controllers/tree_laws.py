@@ -462,8 +462,9 @@ def _test(limits: Limits, reach: Reach, k: int, period: float, instruments: Inst
         limit=limits.effort, rate=limits.rate, period=period,
     )  # fmt: skip
     least, most = wave.least, MAX_TEST_WORK_RATIO * 2.0 * (wave.effort * wave.samples * period / math.pi) ** 2 / light
-    if instruments.start_up_answer is not None:
-        least, most = commissioned_bounds(instruments.start_up_answer)
+    answer = instruments.answer_to(wave.effort)
+    if answer is not None:
+        least, most = commissioned_bounds(answer)
     return {
         "test_effort": wave.effort,
         "test_samples": float(wave.samples),

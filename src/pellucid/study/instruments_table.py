@@ -110,6 +110,9 @@ class InstrumentsTable(StudyTable):
         Largest torque in the EMG calibration [effort]; 40 N*m if unstated.
     start_up_answer : float or None
         Work of the start-up test's excitation at commissioning [J], which ``commission`` writes.
+    start_up_wave : float or None
+        Amplitude of that excitation [effort], which ``commission`` writes: a controller with another one does not use
+        the answer.
     probe : bool or None
         Whether a small excitation of the effort may test encoder and drive while the controller runs. By default only
         if the drive is not measured; ``false`` then requires ``export --unmeasured``.
@@ -117,9 +120,9 @@ class InstrumentsTable(StudyTable):
         Responses to the probe's three excitations at commissioning, which ``commission`` writes: real and imaginary
         part of each [1]. Without it, the first movement after each start is assumed to be healthy.
     shaking : bool or None
-        Whether oscillation that is faster than reaching switches the power off. It detects a drive whose own measurement
-        is wrong. It also stops wearers who stir fast: state ``false`` for such tasks. By default only without a
-        force sensor and a spring.
+        Whether oscillation that is faster than reaching switches the power off. It detects a drive whose own
+        measurement is wrong. It also stops wearers who stir fast: state ``false`` for such tasks. By default only
+        without a force sensor and a spring.
     """
 
     encoder_resolution: PositiveAngle | None = None
@@ -130,6 +133,7 @@ class InstrumentsTable(StudyTable):
     spring_stiffness: PositiveStiffness | None = None
     emg_range: PositiveEffort | None = None
     start_up_answer: PositiveWork | None = None
+    start_up_wave: PositiveEffort | None = None
     probe: bool | None = None
     probe_answer: tuple[float, float, float, float, float, float] | None = None
     shaking: bool | None = None

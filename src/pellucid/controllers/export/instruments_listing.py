@@ -77,6 +77,8 @@ def list_instruments(
     add("largest torque in the EMG calibration", "emg_range", effort)
     answer = "not measured" if used.start_up_answer is None else f"{used.start_up_answer:.4g} J"
     list_value("work of the start-up wave at commissioning", "start_up_answer", answer, UNKNOWN_SOURCE)
+    if used.start_up_wave is not None:
+        add("amplitude of that wave", "start_up_wave", effort)
     add_switch("probe of encoder and drive while the law runs", "probe", CHOSEN_SOURCE)
     if used.probe:
         answer = "not measured" if used.probe_answer is None else "stated"

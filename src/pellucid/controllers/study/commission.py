@@ -33,7 +33,6 @@ from ..control_law import LAWS
 from ..export.controller_values import protect_wearer
 from ..export.export import values_for
 from ..instruments import COMMISSIONING_CONDITION
-from ..supervised import SupervisedLaw
 
 START_COUNT = 10
 """Number of starts of a commissioning."""
@@ -73,6 +72,10 @@ class Commissioning:
         Keys that were written into ``[rig.instruments]``; none where the drive is not right.
     folder : str
         Folder of the study.
+    gain_checked : bool
+        Whether the gain was checked by hand.
+    options : tuple of str
+        Options with which `export` writes the same controller.
     """
 
     source: str
@@ -80,6 +83,8 @@ class Commissioning:
     answers: Answers
     written: tuple[str, ...]
     folder: str = ""
+    gain_checked: bool = False
+    options: tuple[str, ...] = ()
 
     @property
     def answer(self) -> Answer:
@@ -87,22 +92,35 @@ class Commissioning:
         drive, reasons = self.drive, []
         if drive.sign < 0:
             reasons.append("its sign is reversed")
-        elif not drive.is_right:
+        elif not (drive.is_right or drive.is_open):
             reasons.append(f"its gain is {drive.gain:.3f} times the stated one")
         known = np.isfinite(drive.gain)
-        said = "; ".join(reasons) or ("sign and gain are right" if known else "the sign is right; the gain is unknown")
+        if drive.is_open and not self.gain_checked:
+            return self._open_answer()
+        right = "sign and gain are right" if known else "the sign is right, and the gain was checked"
+        said = "; ".join(reasons) or right
         numbers = (AnswerNumber("gain", drive.gain, "1"), AnswerNumber("delay", drive.delay, "s")) if known else ()
-        again = Step("Correct the wiring, or [rig.drive] in study.toml, then commission again", "commission")
+        again = Step("Correct the wiring, the sign of the effort's channel or [rig.drive], then commission again")
         return Answer(
             "Does the drive follow its commands?", "no" if reasons else "yes", said, "; ".join(reasons), (),
             numbers, Basis(drive.starts, drive.starts, "start", is_simulated=self.source == VIRTUAL_SOURCE),
-            next=(again if reasons else Step("Export again", "export"),), qualifier="" if known else "sign only",
+            next=(again if reasons else Step("Export again", "export", self.options),),
+            qualifier="" if known or reasons else "gain checked by hand",
+        ).in_folder(self.folder)  # fmt: skip
+
+    def _open_answer(self) -> Answer:
+        """Return that the starts do not tell the gain, and how it can be checked."""
+        why = "the sign is right; the motion does not show the gain"
+        return Answer(
+            "Does the drive follow its commands?", "cannot say", why, why, (), (),
+            Basis(self.drive.starts, self.drive.starts, "start", is_simulated=self.source == VIRTUAL_SOURCE),
+            next=(Step("Check the gain with a known weight, then commission again with --gain-checked"),),
         ).in_folder(self.folder)  # fmt: skip
 
     def lines(self) -> tuple[str, ...]:
         """Return the lines of the printed summary."""
         drive, found = self.drive, self.answers
-        gain = delay = "not identifiable, because the rotor oscillates against a compliant transmission"
+        gain = delay = "not identifiable: the transmission is compliant, or gain or identified inertia is wrong"
         if np.isfinite(drive.gain):
             gain = f"{drive.gain:.3f} times the stated gain (standard deviation {drive.gain_spread:.3f})"
             delay = f"{1e3 * drive.delay:.1f} ms from command to effort"
@@ -138,6 +156,7 @@ def commission(
     controller: str | None = None,
     participant: str | None = None,
     wearer: bool = True,
+    gain_checked: bool = False,
     ask: Callable[[str], None] = _nobody_to_ask,
 ) -> Commissioning:
     """Measure sign, gain and delay of a drive, and what start-up test and probe are held to, and write that down.
@@ -155,13 +174,15 @@ def commission(
         further sensors of the law, SI, a row for each period; starts are apart by a gap in the time. None of logs and
         `robot`: the study's virtual robot.
     worn_logs : sequence of Path
-        The same on a wearer at ease. None: the answers are taken from `logs`.
+        The same on a wearer at ease. Without any, the answers are taken from `logs`.
     robot : object or None
         Robot that is started here, with `read` and `write` as `pellucid.live.udp_robot.UdpRobot` has them.
     controller, participant : str or None
         The controller that will be exported, as `export` takes them.
     wearer : bool
         Whether somebody wears the robot for the answers, where the starts are played here.
+    gain_checked : bool
+        Whether the gain was checked by hand, which counts where the starts do not show it.
     ask : callable
         Called with a sentence before power is applied; returns when that is done.
 
@@ -173,7 +194,8 @@ def commission(
     Raises
     ------
     PellucidError
-        If the law drives a spring, a log lacks a column, too few starts move the joint, or the robot is not there.
+        If the law drives a spring, a log lacks a column, too few starts move the joint, the supervisor stopped them,
+        there are logs of a wearer alone, or the robot is not there.
 
     Examples
     --------
@@ -197,9 +219,25 @@ def commission(
     if LAWS[values.law].drives_spring:
         raise PellucidError(f"commission of {study.name}: found a law that drives a spring, expected a joint's drive")
     law = protect_wearer(values, unmeasured=True, place=f"commission of {study.name}").supervised
-    if logs or worn_logs:
-        drive = drive_check(read_starts(logs or worn_logs), law.supervision["body_inertia"])
-        return _answered("logs", study, law, drive, lambda: read_starts(worn_logs or logs))
+    if worn_logs and not logs:
+        raise PellucidError(
+            f"commission of {study.name}: found --worn alone, expected --log of starts that nobody wears, too"
+        )
+    told = {"controller": controller, "participant": participant}
+    options = tuple(word for name, value in told.items() if value is not None for word in (f"--{name}", value))
+
+    def answered(
+        source: str, empty: Sequence[StartLog], take_starts: Callable[[], Sequence[StartLog]]
+    ) -> Commissioning:
+        drive = drive_check(empty, law.supervision["body_inertia"])
+        found, written = Answers(None, math.nan, None, 0, 0), tuple[str, ...]()
+        if drive.is_right or (drive.is_open and gain_checked):
+            found = answers(law, take_starts())
+            written = state_answers(study.folder / "study.toml", found, values.effort_unit)
+        return Commissioning(source, drive, found, written, str(study.folder), gain_checked, options)
+
+    if logs:
+        return answered("logs", read_starts(logs), lambda: read_starts(worn_logs or logs))
     if robot is not None:
         source, robot_of = "robot", _same_robot(cast(Robot, robot))
     else:
@@ -214,17 +252,7 @@ def commission(
             ask("Put the robot on a relaxed wearer, who moves the joint for 20 s from the tenth start. Press Enter.")
         return record_starts(robot_of(wearer, period), law, START_COUNT, worn=wearer)
 
-    return _answered(source, study, law, drive_check(empty, law.supervision["body_inertia"]), record_answers)
-
-
-def _answered(
-    source: str, study: Study, law: SupervisedLaw, drive: DriveCheck, take_starts: Callable[[], Sequence[StartLog]]
-) -> Commissioning:
-    """Return a commissioning with the answers of starts that are taken only if the drive is right, and write them."""
-    if not drive.is_right:
-        return Commissioning(source, drive, Answers(None, math.nan, None, 0, 0), (), str(study.folder))
-    found = answers(law, take_starts())
-    return Commissioning(source, drive, found, state_answers(study.folder / "study.toml", found), str(study.folder))
+    return answered(source, empty, record_answers)
 
 
 def _same_robot(robot: Robot) -> Callable[[bool, float], Robot]:
@@ -276,7 +304,7 @@ def read_starts(paths: Sequence[Path]) -> list[StartLog]:
     return made
 
 
-def state_answers(path: Path, found: Answers) -> tuple[str, ...]:
+def state_answers(path: Path, found: Answers, effort_unit: str = "N*m") -> tuple[str, ...]:
     """Write answers into ``[rig.instruments]`` of a study.toml, and return the keys that were written."""
     lines = {}
     if found.start_up is not None:
@@ -284,6 +312,8 @@ def state_answers(path: Path, found: Answers) -> tuple[str, ...]:
             f'"{found.start_up:.5g} J"  # mean of {found.starts} starts, '
             f"standard deviation {found.start_up_spread:.2g} J"
         )
+        if math.isfinite(found.wave):
+            lines["start_up_wave"] = f'"{found.wave:.6g} {effort_unit}"  # amplitude of the wave that gave it'
     if found.probe is not None:
         numbers = ", ".join(f"{x:.5g}" for x in found.probe)
         lines["probe_answer"] = f"[{numbers}]  # from {found.probe_windows} windows of a moving joint"

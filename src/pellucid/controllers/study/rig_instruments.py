@@ -19,6 +19,7 @@ INSTRUMENT_KEYS: Mapping[str, str] = {
     "spring_stiffness": "spring_stiffness",
     "emg_range": "emg_range",
     "start_up_answer": "start_up_answer",
+    "start_up_wave": "start_up_wave",
     "probe": "probe",
     "probe_answer": "probe_answer",
     "shaking": "shaking",
