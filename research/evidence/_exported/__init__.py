@@ -152,7 +152,7 @@ def temporary_folder() -> TemporaryDirectory:
 def made_laws(instruments: str) -> tuple[ExportedLaw, ...]:
     """Return every law that `export` writes with a set of instruments by name.
 
-    Laws with a force sensor have no check for oscillation that a study could switch off, and are not among those that do.
+    Laws with a force sensor have no check for oscillation that a study could switch off: sets without it omit them.
     Only a probe may be refused: where the waves that inertia and encoder need are too large for the effort limit.
     """
     made = []
@@ -228,7 +228,8 @@ def healthy_lives(
 ) -> tuple[ForeignLife, ...]:
     """Return healthy use of all laws with every disturbance, `hours` in total [h], each on its own plant.
 
-    Wearers of an export that checks for oscillation reach and rest; others also go to and fro. With `jitter`, time stamps jitter on a 32-bit clock that overflows.
+    Wearers of an export that checks for oscillation reach and rest; others also go to and fro. With `jitter`, time
+    stamps jitter on a 32-bit clock that overflows.
     """
     changed = {}
     if jitter:

@@ -225,8 +225,10 @@ def undetectable_notes(instruments: Instruments, *, has_force_sensor: bool) -> t
             "a drive sensor that is wrong by the same factor as the drive (remedy: a sensor outside the drive's "
             "control loop, or a control law with a force sensor)"
         )
-    if not (instruments.drive or has_force_sensor or instruments.shaking):
+    if not (instruments.drive or has_force_sensor):
+        small = ", too small for the check for sustained oscillation" if instruments.shaking else ""
         faults.append(
-            "a drive that adds a slow sine (remedy: a measurement of the drive, or a control law with a force sensor)"
+            f"a drive that adds a slow sine{small} (remedy: a measurement of the drive, or a control law with a force "
+            "sensor)"
         )
     return (f"The supervisor may not detect {'; or '.join(faults)}.",) if faults else ()

@@ -59,12 +59,31 @@ NO_ANSWER_NOTE = (
 )
 """Note in the exported README if the start-up test has no answer of a commissioning."""
 
+OTHER_ANSWER_NOTE = (
+    "start_up_answer in [rig.instruments] was measured with the start-up test of another controller, and is not used: "
+    "the test accepts a drive gain that is wrong by a factor of up to three. Commission with the --controller that you "
+    "export, then export again."
+)
+"""Note in the exported README if the answer of the start-up test belongs to another wave."""
+
 PROBE_NOTE = (
     "The supervisor probes drive and encoder with small waves of effort at 42, 75 and 108 Hz. The wearer hears a hum "
     "and feels a faint tingling while the controller runs; inform the wearer beforehand. The supervisor compares the "
     "responses with probe_answer in [rig.instruments]."
 )
 """Note in the exported README if the supervisor probes and its answers at commissioning are known."""
+
+SHAKING_NOTE = (
+    "The supervisor switches the power off if the joint oscillates: four travels in a row beyond {travel}, each within "
+    "{time}. State shaking = false in [rig.instruments] if wearers move so fast to and fro, and export again."
+)
+"""Note in the exported README if the supervisor checks for sustained oscillation."""
+
+STILL_NOTE = (
+    "While the encoder reads the same at rest, the supervisor adds a small wave of effort, which grows to at most "
+    "{effort} until the reading changes."
+)
+"""Note in the exported README if the supervisor asks a joint at rest."""
 
 UNCOMMISSIONED_PROBE_NOTE = (
     "The supervisor probes drive and encoder with small waves of effort at 42, 75 and 108 Hz. The wearer hears a hum "
@@ -105,13 +124,20 @@ class ControllerValues:
         if supervision["probe_effort"] > 0.0:
             known = supervision["probe_answer_error"] > 0.0
             notes = (*notes, PROBE_NOTE if known else UNCOMMISSIONED_PROBE_NOTE)
+        unit = COORDINATE_UNITS[self.motion]
+        if self.instruments.shaking:
+            travel = f"{supervision['shaking_limit']:.2g} {unit}"
+            notes = (*notes, SHAKING_NOTE.format(travel=travel, time=f"{supervision['shaking_time']:g} s"))
+        if supervision["still_samples"] > 0.0:
+            notes = (*notes, STILL_NOTE.format(effort=f"{supervision['still_effort']:.2g} {self.effort_unit}"))
         tested = supervision["test_effort"] > 0.0
         if LAWS[self.law].drives_spring or not supervision["body_inertia"] > 0.0:
             return notes
         if not tested:
             return (*notes, NO_START_UP_TEST_NOTE)
-        answered = self.instruments.start_up_answer is not None
-        return notes if answered else (*notes, NO_ANSWER_NOTE)
+        if self.instruments.answer_to(supervision["test_effort"]) is not None:
+            return notes
+        return (*notes, NO_ANSWER_NOTE if self.instruments.start_up_answer is None else OTHER_ANSWER_NOTE)
 
     @property
     def listed_instruments(self) -> tuple[ListedInstrument, ...]:
@@ -149,10 +175,10 @@ def protect_wearer(
 ) -> ControllerValues:
     """Return the control law with a supervisor that checks its drive by a measurement or by a probe.
 
-    Where no force sensor or spring shows what a drive adds, the supervisor also checks for sustained oscillation, unless
-    the instruments state otherwise. `probe` is the choice of the caller. None: as the instruments state, and otherwise a probe if the drive is not
-    measured and a wave that the encoder can resolve is small enough. `unmeasured` accepts a drive without measurement
-    and probe. Errors begin with `place`.
+    Where no force sensor or spring shows what a drive adds, the supervisor also checks for sustained oscillation,
+    unless the instruments state otherwise. `probe` is the choice of the caller. None: as the instruments state, and
+    otherwise a probe if the drive is not measured and a wave that the encoder can resolve is small enough. `unmeasured`
+    accepts a drive without measurement and probe. Errors begin with `place`.
     """
     instruments, spring = values.instruments, LAWS[values.law].drives_spring
     asked = instruments.probe if probe is None else probe
