@@ -276,16 +276,16 @@ CLAIMS: Sequence[tuple[str, tuple[str, ...]]] = (
         ("safety.false_alarms", "safety.healthy_hours"),
     ),
     (
-        "False alarms with a drive measurement, participants who only reach and rest: {} in {} h.",
-        ("safety.reaching.false_alarms", "safety.reaching.healthy_hours"),
+        "False alarms with a drive measurement, participants who oscillate, `shaking = false`: {} in {} h.",
+        ("safety.to_and_fro.false_alarms", "safety.to_and_fro.healthy_hours"),
     ),
     (
         "False alarms of default exports: {} in {} h of healthy use.",
         ("safety.exported.unmeasured.false_alarms", "safety.exported.unmeasured.healthy_hours"),
     ),
     (
-        "False alarms of default exports, participants who only reach and rest: {} in {} h.",
-        ("safety.exported.unmeasured.reaching.false_alarms", "safety.exported.unmeasured.reaching.healthy_hours"),
+        "False alarms without a drive measurement, participants who oscillate, `shaking = false`: {} in {} h.",
+        ("safety.exported.unmeasured.to_and_fro.false_alarms", "safety.exported.unmeasured.to_and_fro.healthy_hours"),
     ),
     (
         "Starts refused by default exports of {} robots: {}.",
