@@ -119,7 +119,7 @@ SINE_SETS: Mapping[str, str] = {
 """What there is to find an added sine with, in words, by the name that the rows have."""
 
 TO_AND_FRO_SETS = ("to_and_fro", "drive_measured_to_and_fro")
-"""Sets of instruments of studies whose wearers go to and fro."""
+"""Sets of instruments of studies whose wearers go back and forth."""
 
 SPIKE_EFFECT_S = 0.1
 """A stop within this time of a wrong reading is its doing."""
@@ -228,7 +228,7 @@ def healthy_lives(
 ) -> tuple[ForeignLife, ...]:
     """Return healthy use of all laws with every disturbance, `hours` in total [h], each on its own plant.
 
-    Wearers of an export that checks for oscillation reach and rest; others also go to and fro. With `jitter`, time
+    Wearers of an export that checks for oscillation reach and rest; others also go back and forth. With `jitter`, time
     stamps jitter on a 32-bit clock that overflows.
     """
     changed = {}
@@ -259,11 +259,11 @@ def rows(seed: int = JUDGED_SEED) -> Iterator[ResultRow]:
         "shaking": lambda: shaking_rows(fault_trials("unmeasured", seed)),
         "sines": lambda: sine_set_rows(sines_by_instruments(seed)),
         "lives, unmeasured": lambda: life_rows("safety.exported.unmeasured", healthy_lives("unmeasured", seed)),
-        "lives to and fro, unmeasured": lambda: life_rows(
+        "lives back and forth, unmeasured": lambda: life_rows(
             "safety.exported.unmeasured.to_and_fro", healthy_lives("to_and_fro", seed)
         ),
         "lives, drive measured": lambda: life_rows("safety", healthy_lives("drive_measured", seed)),
-        "lives to and fro, drive measured": lambda: life_rows(
+        "lives back and forth, drive measured": lambda: life_rows(
             "safety.to_and_fro", healthy_lives("drive_measured_to_and_fro", seed)
         ),
         "rates": lambda: rate_rows(seed),

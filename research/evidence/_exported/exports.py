@@ -46,7 +46,7 @@ UNMEASURED = Instruments(drive_limit=ELBOW_DRIVE_LIMIT_NM)
 """Instruments of an export whose study states the drive and no instruments: a probe asks the drive."""
 
 TO_AND_FRO = replace(UNMEASURED, shaking=False)
-"""The same where the study states that wearers go to and fro: no check for sustained oscillation."""
+"""The same where the study states that wearers go back and forth: no check for sustained oscillation."""
 
 BLIND = replace(TO_AND_FRO, probe=False)
 """The same where a probe was refused, too: `--no-probe --unmeasured`."""
@@ -55,7 +55,7 @@ DRIVE_MEASURED = Instruments(drive=True, drive_limit=ELBOW_DRIVE_LIMIT_NM, force
 """Instruments of an elbow whose drive measures its current by a sensor that it does not regulate on."""
 
 MEASURED_TO_AND_FRO = replace(DRIVE_MEASURED, shaking=False)
-"""The same where the study states that wearers go to and fro."""
+"""The same where the study states that wearers go back and forth."""
 
 MEASURED_AND_PROBED = replace(DRIVE_MEASURED, probe=True)
 """Instruments of an elbow whose drive measures its current, and which probes."""
@@ -113,7 +113,7 @@ class ExportedLaw:
 
     @property
     def stops_oscillation(self) -> bool:
-        """Whether the supervisor takes the power off a joint that goes to and fro."""
+        """Whether the supervisor takes the power off a joint that goes back and forth."""
         return self.numbers["shaking_limit"] < NO_LIMIT
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 from .._errors import PellucidError
 
@@ -133,6 +133,28 @@ class Instruments:
     probe_answer: tuple[float, ...] | None = None
     shaking: bool | None = None
     stated: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
+
+    def decided(self, *, has_force_sensor: bool, spring: bool = False, probe: bool | None = None) -> Instruments:
+        """Return the instruments of an export: with what it decides about probe and check for oscillation.
+
+        Parameters
+        ----------
+        has_force_sensor, spring : bool
+            Whether the control law reads the interaction torque, and whether it drives a series spring.
+        probe : bool or None
+            Choice of the caller; None: that of the instruments.
+
+        Returns
+        -------
+        Instruments
+            A probe where nothing measures the drive, and the check where nothing shows what a drive adds.
+        """
+        asked = self.probe if probe is None else probe
+        return replace(
+            self,
+            probe=not (self.drive or spring) if asked is None else asked,
+            shaking=not (spring or has_force_sensor) if self.shaking is None else self.shaking,
+        )
 
     def answer_to(self, wave: float) -> float | None:
         """Return the work of the start-up test at commissioning [J] with a wave of this amplitude, if known."""

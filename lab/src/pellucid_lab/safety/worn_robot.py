@@ -106,8 +106,9 @@ class WornRobot:
         card = self.cards["load"]
         body = body_of(compensation(card, slider=place, limits=ELBOW_LIMITS))
         made = supervised(
-            law, instruments=self.instruments, body=body, start_up=start_up, rest_friction=rest_friction(card, place)
-        )
+            law, instruments=self.instruments.decided(has_force_sensor=law.sensed), body=body, start_up=start_up,
+            rest_friction=rest_friction(card, place),
+        )  # fmt: skip
         return made.changed(**supervision)
 
     @property

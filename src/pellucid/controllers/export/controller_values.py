@@ -75,7 +75,7 @@ PROBE_NOTE = (
 
 SHAKING_NOTE = (
     "The supervisor switches the power off if the joint oscillates: four travels in a row beyond {travel}, each within "
-    "{time}. State shaking = false in [rig.instruments] if wearers move so fast to and fro, and export again."
+    "{time}. State shaking = false in [rig.instruments] if wearers oscillate that fast, and export again."
 )
 """Note in the exported README if the supervisor checks for sustained oscillation."""
 
@@ -182,11 +182,10 @@ def protect_wearer(
     """
     instruments, spring = values.instruments, LAWS[values.law].drives_spring
     asked = instruments.probe if probe is None else probe
-    probes = not (instruments.drive or spring) if asked is None else asked
+    decided = instruments.decided(has_force_sensor="interaction" in values.uses, spring=spring, probe=probe)
+    probes = bool(decided.probe)
     stated = instruments.stated if probes == instruments.probe else instruments.stated - {"probe"}
-    shaking = not (spring or "interaction" in values.uses) if instruments.shaking is None else instruments.shaking
-    values = replace(values, instruments=replace(instruments, shaking=shaking))
-    made = replace(values, instruments=replace(values.instruments, probe=probes, stated=stated))
+    made = replace(values, instruments=replace(decided, stated=stated))
     if probes and spring:
         raise PellucidError(f"{place}: found probe, expected none: a controller of a series spring has no probe")
     if asked is False and not (instruments.drive or unmeasured):
@@ -200,7 +199,7 @@ def protect_wearer(
             _ = made.supervised
         except PellucidError as error:
             if asked is None:
-                return replace(values, instruments=replace(values.instruments, probe=False))
+                return replace(values, instruments=replace(decided, probe=False))
             raise PellucidError(
                 f"{place}: {error}. Instead of a probe, state a measurement in [rig.instruments.drive_sensor], or "
                 "accept that many drive faults are not detected: --no-probe --unmeasured"

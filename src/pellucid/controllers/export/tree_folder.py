@@ -226,8 +226,14 @@ def _blocks(
     yield "jump", lambda i, row: changed(i, row, value=row.read[-1].value + np.float32(0.1)), 3 * FAULT_STEPS
     yield "drive", lambda i, row: replace(row, drive=15.0 + i) if i > 12 else row, 3 * FAULT_STEPS
     yield "drive", lambda i, row: replace(row, drive=np.nan) if i > 12 else row, 3 * FAULT_STEPS
-    for variant in ("power", "speed", "outside", "force", "start_up", "ringing"):
+    for variant in ("power", "speed", "outside", "force", "ringing"):
         yield variant, lambda i, row: row, 60
+
+    def slide(i: int, row: TreeStepInputs) -> TreeStepInputs:
+        way = np.float32(2e-7 * period * max(i - 6, 0))
+        return replace(row, read=tuple(replace(each, value=way) for each in row.read))
+
+    yield "start_up", slide, 60
     # The supervisor checks twelve words of memory in every fourth period: this is enough to check all of them twice.
     through = min(4 * -(-_core.tree_law_storage(len(values.law.card.links)) // (4 * 8)), MOTION_STEPS - 5)
     yield "law", lambda i, row: replace(row, before=MEMORY_EVENT) if i == 4 else row, 4 + through
