@@ -37,6 +37,7 @@ from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card
 from pellucid.orthosis.strap.orthosis_alone import strapped_torque
 from pellucid.orthosis.strap.strap_model import StrapModel
+from pellucid.study.exporter import ExportRequest
 from pellucid.study.pages.page import write_page
 from pellucid.study.procedures.complete_answer import complete_answer
 from pellucid.study.procedures.registry import asked, open_study
@@ -275,13 +276,20 @@ def test_an_export_says_how_accurate_it_is_and_what_it_is_not(calibrated, tmp_pa
         assert f"{score.r2:.3f} on recording \"{score.recording}\"" in answer.said
         assert f"{score.angles_r2:.3f}" in answer.said
         assert f"{100 * score.valid_time:.0f} %" in answer.said
-    assert all(sentence in readme for sentence in describe_card(study, "emg_knee_ridge"))
+    asked_for = ExportRequest(study)
+    assert all(sentence in readme for sentence in describe_card(asked_for, "emg_knee_ridge"))
     assert "Estimates torque of knee from past samples (ridge regression, emg_knee_ridge.json)." in readme
     assert f"R² {found.chosen[0].judged[0].score.r2:.3f} for knee in `calibrate` belongs to ridge regression" in readme
     assert answer.qualifier == ""
     study.card("emg_ankle_hill.json").write_text("{}")
-    assert "Other exports: `--card emg_ankle_hill.json`." in describe_card(study, "emg_knee_ridge")
+    assert "Other exports: `--card emg_ankle_hill.json`." in describe_card(asked_for, "emg_knee_ridge")
     study.card("emg_ankle_hill.json").unlink()
+    # The figures of a card from elsewhere are not those of the study's card of that name.
+    other = tmp_path / "emg_knee_ridge.json"
+    other.write_bytes(study.card(other.name).read_bytes())
+    place = pellucid.export(study, "c", tmp_path / "other", card=str(other), allow_outside=True)
+    assert "Its error on held-out recordings is not known" in (place / "README.md").read_text(encoding="utf-8")
+    assert "is not known" in export_answer(study, "c", place, card=str(other)).said
 
 
 def test_short_gaps_of_angles_are_interpolated_and_longer_ones_end_a_piece(tmp_path):

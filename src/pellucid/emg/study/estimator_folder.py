@@ -290,9 +290,10 @@ def _product(term) -> str:
     return " * ".join(name for name in (term.first, term.second) if name) or "offset"
 
 
-def describe_card(study: Study, name: str) -> tuple[str, ...]:
+def describe_card(request: ExportRequest, name: str) -> tuple[str, ...]:
     """Return sentences on a card: its joints, its held-out figures, and other cards to export."""
-    rows = _result_rows(study)
+    study = request.study
+    rows = _result_rows(request)
     scores = read_live_scores(study.name, name, rows)
     what, _, kind = name.removeprefix("emg_").rpartition("_")
     joints = tuple(dict.fromkeys(each.joint for each in scores)) or (what,)
@@ -320,8 +321,11 @@ def describe_card(study: Study, name: str) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def _result_rows(study: Study) -> list[ResultRow]:
-    """Return the rows of the study's results.json; none without the file."""
+def _result_rows(request: ExportRequest) -> list[ResultRow]:
+    """Return the rows of the study's results.json; none without the file, or if the card is not the study's own."""
+    study, card = request.study, Path(request.card or "")
+    if card.is_absolute() and card.resolve() != study.card(card.name).resolve():
+        return []
     return read_rows(study.results_path) if study.results_path.is_file() else []
 
 
@@ -337,13 +341,13 @@ class EstimatorExporter(ControllerExporter):
         """Return how accurate the written estimator is, what else can be exported, and its lack of a supervisor."""
         supervised = "An estimator commands no drive and has no supervisor: the controller that reads it must have one"
         cards = self.written_cards(place)
-        return " ".join((*(describe_card(request.study, Path(cards[0]).stem) if cards else ()), supervised))
+        return " ".join((*(describe_card(request, Path(cards[0]).stem) if cards else ()), supervised))
 
     def make_answer(self, request: ExportRequest, place: Path) -> Answer:
         """Return the answer, with the limits of the written estimator on held-out recordings."""
-        study, cards = request.study, self.written_cards(place)
-        rows = _result_rows(study)
-        limits = limits_of([one for each in cards for one in read_live_scores(study.name, Path(each).stem, rows)])
+        rows, cards = _result_rows(request), self.written_cards(place)
+        scores = [read_live_scores(request.study.name, Path(each).stem, rows) for each in cards]
+        limits = limits_of([one for own in scores for one in own])
         return replace(super().make_answer(request, place), qualifier=", ".join(limits))
 
     def fits(self, request: ExportRequest) -> bool:
@@ -362,5 +366,5 @@ class EstimatorExporter(ControllerExporter):
         )  # fmt: skip
         owner = owner_of(study, "torque from EMG", (f"{found.name}.json",))
         with own_folder(out, owner, overwrite=request.overwrite):
-            accuracy = describe_card(study, found.name)
+            accuracy = describe_card(request, found.name)
             return write_estimator_folder(study.name, found, out, period=request.period, accuracy=accuracy)
