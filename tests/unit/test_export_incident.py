@@ -73,6 +73,7 @@ def test_every_stop_of_the_vector_can_be_written(folder):
     assert found["jump"] == "raw_acceleration"
     assert found["power"] == "power"
     assert found["ringing"] == "ringing"
+    assert found["shaking"] == "shaking"
     assert found["unexplained"] == "residual_lasting"
     assert found["stopped"] is None
     assert len(found) > 12

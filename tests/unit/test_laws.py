@@ -95,7 +95,6 @@ def test_python_answers_bit_by_bit_as_c(name, tmp_path):
         "drive_stuck",
         "unanswered",
         "late_answer",
-        "shaking",
         "rate",
     }
     shown_by = {"interaction": ("force_sensor", "unexplained_energy"), "muscle": ("muscle",)}

@@ -138,6 +138,7 @@ SUPERVISOR_VARIANTS: Mapping[str, Mapping[str, float]] = {
     "push": {**_UNCHECKED_LAW, "push_limit": 1e-6},
     "power": {**_UNCHECKED_LAW, "power_limit": 1e-6},
     "ringing": {**_UNCHECKED_LAW, "ringing_limit": 1e-4},
+    "shaking": {**_UNCHECKED_LAW, "shaking_limit": 1e-4},
     "lost": {
         **_UNCHECKED_LAW,
         "force_expected": 1.0,
@@ -368,6 +369,7 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     yield Block("push", length=24)
     yield Block("ringing", length=60)
     yield placed("power", lambda i: 0.3 + 1.0 * h * i, 24)
+    yield placed("shaking", lambda i: 0.5 + 5e-4 * float(np.sin(0.4 * i)), 60)
 
     def silent(i: int, row: StepInputs) -> StepInputs:
         for s in row.read[1:]:
