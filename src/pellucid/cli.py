@@ -718,7 +718,7 @@ def commission(
     allow_outside: Outside = False,
     accept_stale: Stale = False,
 ) -> None:
-    """Measure the drive of the empty robot, then answers on a wearer."""
+    """Measure the drive of the empty robot, then with a wearer."""
     from contextlib import nullcontext
 
     from .controllers.study.commission import commission as run
