@@ -371,13 +371,13 @@ def muscle_study(folder: Path) -> None:
 
 
 def pointing_study(folder: Path) -> None:
-    """Two people who point under two conditions: what `assess` can be asked."""
+    """Six people who point under two conditions, as few as a difference can be shown of."""
     rng, fs = np.random.default_rng(5), 100.0
     (folder / "recordings").mkdir(parents=True)
     said = 'name = "pointing"\n[rig]\njoint = "elbow"\nmotion = "rotary"\n[channels]\n'
     said += 'time = { column = "t", unit = "s" }\ntarget = { column = "g", unit = "deg" }\n'
     said += 'position = { column = "q", unit = "deg" }\n[assessment]\ncontrol = "Ctrl"\n'
-    people = [f"P{i}" for i in range(4)]
+    people = [f"P{i}" for i in range(6)]
     for person in people:
         said += f'[participants.{person}]\nmass = "63 kg"\n'
     for person in people:
