@@ -49,7 +49,7 @@ class WatchedEngine:
         self._engine = engine
 
     def __getattr__(self, name: str) -> Any:
-        if name in ("status", "read_since", "health", "emg", "alive", "setup", "heard_streams"):
+        if name in ("status", "read_since", "health", "recorder_health", "emg", "alive", "setup", "heard_streams"):
             return getattr(self._engine, name)
         return lambda *given, **named: None
 
