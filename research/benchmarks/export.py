@@ -75,7 +75,7 @@ def controllers() -> dict[str, ControllerValues]:
     worn = design(WORN_COUPLING, 0.002).control_law().values
     made = {
         law: ControllerValues(law, numbers, {}, (), {})
-        for law, numbers in (("joint", JOINT_LAW_VALUES), ("worn", worn))
+        for law, numbers in (("joint", LAWS["joint"].defaults | JOINT_LAW_VALUES), ("worn", worn))
     }
     for name, controller in ELBOW_CONTROLLERS.items():
         limb = {"limb": forearm(70.0, 1.75)} if controller.wearer else {}

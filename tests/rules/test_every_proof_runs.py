@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from research.benchmarks.export import controllers
 
 ROOT = Path(__file__).parents[2]
 RESEARCH = ROOT / "research"
@@ -52,6 +53,11 @@ def test_every_file_can_be_imported_without_any_peer(tmp_path):
     imports = "; ".join(f"import research.{folder}.{name}" for folder, name in NAMES)
     done = run_python(tmp_path, "-c", without_peers(imports))
     assert done.returncode == 0, done.stderr
+
+
+def test_every_controller_of_the_benchmark_of_exports_has_all_its_numbers():
+    for name, values in controllers().items():
+        assert values.control_law.kind == values.law, name
 
 
 @pytest.mark.slow
