@@ -105,6 +105,17 @@ def test_the_correlation_time_is_that_of_an_autoregression(rho):
     assert correlation_time(residual, [N] * 8) == pytest.approx(0.5 * (1 + rho) / (1 - rho), rel=0.2)
 
 
+@pytest.mark.parametrize("rho", [0.3, 0.9995])
+def test_the_correlation_time_of_long_stretches_is_that_of_all_lags_at_once(rho, rng):
+    lengths = [300_001, 65_536 + 1_024, 700, 0, 5]
+    residual = lfilter([1.0], [1.0, -rho], rng.standard_normal(sum(lengths)))
+    parts = np.split(residual - residual.mean(), np.cumsum(lengths)[:-1])
+    total = sum(np.fft.irfft(np.abs(np.fft.rfft(part, 1 << 20)) ** 2) for part in parts)[: max(lengths)]
+    sums = 0.5 + np.cumsum(total[1:] / total[0])
+    expected = sums[np.argmax(np.arange(1, len(total)) >= 5.0 * sums)]
+    assert correlation_time(residual, lengths) == pytest.approx(expected, rel=1e-12)
+
+
 def test_what_alternates_has_no_memory():
     assert correlation_time(np.tile([1.0, -1.0], 50), [100]) == 0.5
     assert correlation_time(np.zeros(9), [9]) == 0.5

@@ -45,6 +45,8 @@ def shift_channels(recording: Recording, delays: Mapping[str, float]) -> Recordi
 
 def advances_within_spans(recording: Recording) -> bool:
     """Whether time increases within every span between cuts."""
+    if recording.steps_within(np.inf):  # found once, with some samples in memory at a time
+        return True
     return all((np.diff(recording.time[span]) > 0.0).all() for span in recording.spans)
 
 

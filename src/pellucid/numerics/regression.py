@@ -104,6 +104,12 @@ class Stack(Generic[MotionT_co]):
         """Number of rows of each motion."""
         return [len(t) for t in self.targets]
 
+    def rows_by_motion(self, rows: np.ndarray) -> list[np.ndarray]:
+        """Split rows, (k,) in rising order, by their motions, and count them from the first row of each motion."""
+        ends = np.cumsum(self.lengths)
+        owned = np.split(rows, np.searchsorted(rows, ends[:-1]))
+        return [own - (end - length) for own, end, length in zip(owned, ends, self.lengths, strict=True)]
+
     def reduced(self, signals: Sequence[np.ndarray]) -> np.ndarray:
         """Reduce one signal per motion, (n_i,) or (n_i, k), to its regression rows, and stack them."""
         return np.concatenate([m.rows(x) for m, x in zip(self.motions, signals, strict=True)])
@@ -135,12 +141,24 @@ def predict_efforts(model: ForceModel[MotionT], values: np.ndarray, motions: Seq
 
 
 def regression_rows(
-    model: ForceModel[MotionT], values: np.ndarray, data: Stack[MotionT]
+    model: ForceModel[MotionT], values: np.ndarray, data: Stack[MotionT], kept: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the regressor, (m, p), and the modelled effort, (m,), at `values`, (p,)."""
+    """Return the regressor, (m, p), and the modelled effort, (m,), at `values`, (p,).
+
+    The regressor has only the rows `kept`, (k,) in rising order, if they are given.
+    """
     # Each motion is reduced in turn: the full-rate regressor of hours of data would not fit in memory.
-    made = [_rows(model, values, m) for m in data.motions]
-    return np.concatenate([rows for _, rows in made]), np.concatenate([effort for effort, _ in made])
+    wanted: Sequence[slice | np.ndarray]
+    wanted = [slice(None)] * len(data.motions) if kept is None else data.rows_by_motion(kept)
+    count = sum(data.lengths)
+    effort, rows = np.empty(count), np.empty((count if kept is None else len(kept), len(model.names)))
+    end = last = 0
+    for motion, length, some in zip(data.motions, data.lengths, wanted, strict=True):
+        effort[end : end + length], made = _rows(model, values, motion)
+        own = made[some]
+        rows[last : last + len(own)] = own
+        end, last = end + length, last + len(own)
+    return rows, effort
 
 
 def predict_effort_rows(model: ForceModel[MotionT], values: np.ndarray, motion: MotionT) -> np.ndarray:
@@ -398,7 +416,7 @@ def snap_to_bounds(
 
     Close means nearer than a thousandth of the parameter's noise, from `jacobian`, (m, p), and `residual`, (m,).
     """
-    power = np.sum(jacobian**2, axis=0)
+    power = column_squares(jacobian)
     noise = np.sqrt(np.mean(residual**2) / np.where(power > 0.0, power, np.inf))
     near = 1e-3 * noise + 1e-9 * np.abs(values)
     low, high = values - lower <= near, upper - values <= near
@@ -485,7 +503,12 @@ def column_norms(columns: np.ndarray) -> np.ndarray:
 
     It keeps no squares in memory, and takes a quarter of the time.
     """
-    return np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    return np.sqrt(column_squares(columns))
+
+
+def column_squares(columns: np.ndarray) -> np.ndarray:
+    """Return the sum of the squares of each of `columns`, (m, p), shape (p,)."""
+    return np.einsum("ij,ij->j", columns, columns)
 
 
 HUBER_THRESHOLD = 1.345

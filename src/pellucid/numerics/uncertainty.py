@@ -59,7 +59,11 @@ class BlockSettings:
     max_lag_correlation_times: float = 5.0
     # Largest number of blocks in a bootstrap. Longer recordings get longer blocks, which are as informative.
     max_bootstrap_blocks: int = 500
+    # So many lags are summed at first, a power of two; more only where autocorrelations last longer.
+    first_lag_count: int = 1 << 10
     block_starts_per_length: int = 16  # Number of overlapping blocks that begin within the length of one block
+    # So many scores are made at once, for one parameter or more.
+    max_scores_at_once: int = 1 << 19
     # So many blocks are drawn by one call of NumPy; more would not fit into the processor's cache.
     max_blocks_drawn_at_once: int = 10_000
 
@@ -88,6 +92,10 @@ def _stretches(lengths: Sequence[int]) -> Iterator[slice]:
         end += n
 
 
+ROWS_AT_ONCE = 1 << 16
+"""Number of rows whose products are summed at a time, so that no copy of all rows is made."""
+
+
 @np.errstate(over="ignore", invalid="ignore")
 def correlation_time(residual: np.ndarray, lengths: Sequence[int]) -> float:
     """Return the correlation time of a residual, (m,), in samples.
@@ -98,16 +106,39 @@ def correlation_time(residual: np.ndarray, lengths: Sequence[int]) -> float:
     if not len(residual) or not np.isfinite(residual).all():
         return 0.5
     centred = residual - np.mean(residual)
-    total = np.zeros(max(lengths))
-    for rows in _stretches(lengths):
-        n = rows.stop - rows.start
-        padded = 1 << (2 * n - 1).bit_length() if n else 0  # a power of two is transformed fastest
-        total[:n] += np.fft.irfft(np.abs(np.fft.rfft(centred[rows], padded)) ** 2)[:n] if n else 0.0
-    if not total[0] > 0.0:
-        return 0.5
-    sums = 0.5 + np.cumsum(total[1:] / total[0])
-    enough = np.flatnonzero(np.arange(1, len(total)) >= BLOCK_SETTINGS.max_lag_correlation_times * sums)
-    return float(max(0.5, sums[enough[0]] if len(enough) else sums[-1])) if len(sums) else 0.5
+    most, count = max(lengths), BLOCK_SETTINGS.first_lag_count
+    while True:
+        total = np.zeros(min(count, most))
+        for rows in _stretches(lengths):
+            products = _lagged_products(centred[rows], len(total))
+            total[: len(products)] += products
+        if not total[0] > 0.0:
+            return 0.5
+        sums = 0.5 + np.cumsum(total[1:] / total[0])
+        enough = np.flatnonzero(np.arange(1, len(total)) >= BLOCK_SETTINGS.max_lag_correlation_times * sums)
+        if len(enough) or count >= most:
+            return float(max(0.5, sums[enough[0]] if len(enough) else sums[-1])) if len(sums) else 0.5
+        count *= 8
+
+
+def _lagged_products(samples: np.ndarray, count: int) -> np.ndarray:
+    """Return the sum of the products of `samples`, (n,), with those k later, for each k below `count` and n."""
+    n = len(samples)
+    if n <= 4 * count:
+        padded = 1 << (2 * n - 1).bit_length() if n else 2  # a power of two is transformed fastest
+        return np.fft.irfft(np.abs(np.fft.rfft(samples, padded)) ** 2)[: min(n, count)]
+    # Parts of `count` samples, each with the one after it, which reaches as far as the lags do. They fit the cache.
+    later, total = np.where(np.arange(count + 1) % 2, -1.0, 1.0), np.zeros(count + 1, complex)
+    step = max(ROWS_AT_ONCE, count)
+    for first in range(0, n, step):
+        some = samples[first : first + step + count]
+        parts = np.zeros((-(-min(n - first, step) // count) + 1, 2 * count))
+        whole, left = divmod(len(some), count)
+        parts[:whole, :count] = some[: whole * count].reshape(whole, count)
+        parts[whole : whole + 1, :left] = some[whole * count :]
+        spectra = np.fft.rfft(parts)
+        total += np.einsum("ij,ij->j", spectra[:-1].conj(), spectra[:-1] + later * spectra[1:])
+    return np.fft.irfft(total)[:count]
 
 
 def block_length(time: float, rows: int) -> int:
@@ -119,10 +150,6 @@ def block_length(time: float, rows: int) -> int:
     return int(
         np.clip(round(BLOCK_SETTINGS.block_correlation_times * time), 1, max(1, rows // BLOCK_SETTINGS.min_blocks))
     )
-
-
-ROWS_AT_ONCE = 1 << 16
-"""Number of rows whose products are summed at a time, so that no copy of all rows is made."""
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -268,16 +295,36 @@ def block_bootstrap(
     scale = column_norms(jacobian)
     if not np.isfinite(residual).all() or _inverse(jacobian, jacobian, scale) is None:
         return np.tile([-np.inf, np.inf], (len(values), 1))
-    scores = jacobian / scale
-    gram = scores.T @ scores
-    scores *= residual[:, None]
-    scores -= scores.mean(axis=0)
+    gram = jacobian.T @ jacobian / np.outer(scale, scale)
     rows = len(residual)
     # Longer blocks than needed do no harm, and more blocks do not improve the interval.
     memory = correlation_time(residual, lengths) if memory is None else memory
     block = max(block_length(memory, rows), rows // BLOCK_SETTINGS.max_bootstrap_blocks)
+    # A row for each parameter: its draws then lie side by side. Hours of data have no memory for all scores at once.
+    together = max(1, BLOCK_SETTINGS.max_scores_at_once // rows)
+    groups = [slice(first, first + together) for first in range(0, len(scale), together)]
+    pool = np.concatenate([_sums_of_blocks(jacobian[:, own] / scale[own], residual, lengths, block) for own in groups])
+    count = max(1, round(rows / block))
+    at_once = max(1, BLOCK_SETTINGS.max_blocks_drawn_at_once // count)
+    totals = np.empty((len(values), repetitions))
+    for done in range(0, repetitions, at_once):
+        drawn = rng.integers(0, pool.shape[1], (min(at_once, repetitions - done), count))
+        for own, into in zip(pool, totals, strict=True):
+            into[done : done + len(drawn)] = own.take(drawn).sum(axis=1)
+    steps = np.linalg.solve(gram, totals).T
+    tail = 50.0 * (1.0 - level)
+    return values[:, None] + (np.percentile(steps, [tail, 100.0 - tail], axis=0) / scale).T
+
+
+def _sums_of_blocks(columns: np.ndarray, residual: np.ndarray, lengths: Sequence[int], block: int) -> np.ndarray:
+    """Return the sums of the scores, `columns` (m, p) times `residual` (m,), over overlapping blocks, (p, b).
+
+    `columns` are overwritten.
+    """
+    scores, sums = columns, []
+    scores *= residual[:, None]
+    scores -= scores.mean(axis=0)
     # Blocks wrap around within each stretch, so that its ends are drawn as often as its middle.
-    sums = []
     for stretch in _stretches(lengths):
         n = stretch.stop - stretch.start
         if n:
@@ -289,17 +336,7 @@ def block_bootstrap(
                 (ends[length:] - ends[:-length])[:: max(1, block // BLOCK_SETTINGS.block_starts_per_length)]
                 * np.sqrt(block / length)
             )
-    pool = np.concatenate(sums).T.copy()  # a row for each parameter: its draws then lie side by side
-    count = max(1, round(rows / block))
-    at_once = max(1, BLOCK_SETTINGS.max_blocks_drawn_at_once // count)
-    totals = np.empty((len(values), repetitions))
-    for done in range(0, repetitions, at_once):
-        drawn = rng.integers(0, pool.shape[1], (min(at_once, repetitions - done), count))
-        for own, into in zip(pool, totals, strict=True):
-            into[done : done + len(drawn)] = own.take(drawn).sum(axis=1)
-    steps = np.linalg.solve(gram, totals).T
-    tail = 50.0 * (1.0 - level)
-    return values[:, None] + (np.percentile(steps, [tail, 100.0 - tail], axis=0) / scale).T
+    return np.concatenate(sums).T.copy()
 
 
 @np.errstate(over="ignore", invalid="ignore")

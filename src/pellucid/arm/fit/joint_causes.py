@@ -98,17 +98,19 @@ def _stretches(
     """Return the rows of joint k for cross-validation, without samples below a share of its usual speed."""
     rows, model, lines = at.rows, at.model, at.rows.lines[k]
     measured = rows.effort[lines, k]
+    slow = _turning(rows, k)[lines, SLOW_SPEED_SHARES.index(slow_speed_share) - len(SLOW_SPEED_SHARES)]
+    counted = left_out_stretches.counted_rows(np.abs(slow) < SLOW_SHARE)
     numbers = [""] * len(model.base.names) + [part.number for part in model.parts] + [""] * (2 * len(model.ripples))
     return left_out_stretches.LeftOutColumns(
-        at.columns[k],
+        at.columns[k][counted],
         measured,
         measured - at.residuals(found.values)[k],
         _states(rows, k, compute_loads(rows, model, found.values)[lines, k]),
+        jacobian=lambda: at.columns[k],
         friction=np.array([numbers[i] not in ("", *NO_FRICTION) for i in at.places[k].tolist()]),
         time=_times(rows, k)[lines],
         labels=left_out_stretches.segments_of([len(m) for m in rows.motions])[lines],
-        kept=np.abs(_turning(rows, k)[lines, SLOW_SPEED_SHARES.index(slow_speed_share) - len(SLOW_SPEED_SHARES)])
-        < SLOW_SHARE,
+        rows=counted,
         effort_unit=rows.robot.units[k][1],
     )
 

@@ -36,12 +36,18 @@ class SilenceLimits:
 SILENCE_LIMITS = SilenceLimits()
 
 
+def finite_samples(samples: np.ndarray) -> np.ndarray:
+    """Return the samples, (n,), that are finite; if all are, no copy, which hours of data have no memory for."""
+    finite = np.isfinite(samples)
+    return samples if finite.all() else samples[finite]
+
+
 def few_levels(parts: Sequence[np.ndarray]) -> np.ndarray | None:
     """Return the few neighbouring values that all samples of `parts`, each (n,), take.
 
     Returns None if there are more values, or if one is more than a single step from the next.
     """
-    parts = [part[np.isfinite(part)] for part in parts]
+    parts = [finite_samples(part) for part in parts]
     for thin in (True, False):
         values = np.concatenate(
             [p[:: max(1, len(p) // SILENCE_LIMITS.level_sample_count) if thin else 1] for p in parts]

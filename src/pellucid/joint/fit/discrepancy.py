@@ -93,12 +93,14 @@ class States:
     standstill: np.ndarray  # share of each filtered row that comes from samples at standstill
     like: States | None = None  # states that define the usual travel and speed; these states if None
     heading: np.ndarray | None = None  # direction of friction, -1 to 1; the sign of the velocity if None
-    # what friction may do where the joint turns, per unit of each column, (m, k); None if that is not described
+    # what friction may do where the joint turns, per unit of each column, in the `compared_rows` alone, (k, c); None if
+    # that is not described
     turning: np.ndarray | None = None
 
     def part(self, rows: np.ndarray) -> States:
         """Return the states in some rows; the usual travel and speed stay those of all."""
-        own = {each.name: x[rows] for each in fields(self) if isinstance(x := getattr(self, each.name), np.ndarray)}
+        names = [each.name for each in fields(self) if each.name != "turning"]
+        own = {name: x[rows] for name in names if isinstance(x := getattr(self, name), np.ndarray)}
         return replace(self, **own, like=self.like or self)
 
     @property
@@ -290,6 +292,18 @@ class NeglectedColumns:
         return _left_out_errors(self.own, self.target)
 
 
+def compared_rows(standstill: np.ndarray) -> np.ndarray:
+    """Return the rows, (k,), in which effects are compared: those in motion, thinned if there are many.
+
+    `standstill`, (m,), is the share of each row that comes from samples at standstill.
+    """
+    kept = standstill < SLOW_SHARE
+    if kept.mean() < 0.5:
+        kept = standstill <= np.median(standstill)
+    rows = np.flatnonzero(kept)
+    return rows[:: max(1, len(rows) // DISCREPANCY_SETTINGS.max_rows)]
+
+
 def neglected_columns(
     names: Sequence[str],
     values: np.ndarray,
@@ -307,13 +321,10 @@ def neglected_columns(
     scale = norms[free]
     error = np.sqrt(np.diag(statistical)[free]) * scale  # standard errors of the scaled parameters
     size = float(np.sqrt(np.mean(residual**2)))
-    kept = states.standstill < SLOW_SHARE
-    if kept.mean() < 0.5:
-        kept = states.standstill <= np.median(states.standstill)
+    rows = compared_rows(states.standstill)
     turning = 0 if states.turning is None else states.turning.shape[1]
-    if not size > 0.0 or kept.sum() < 4 * (int(free.sum()) + len(NEGLECTED_EFFECTS) + turning):
+    if not size > 0.0 or len(rows) < 4 * (int(free.sum()) + len(NEGLECTED_EFFECTS) + turning):
         return None
-    rows = np.flatnonzero(kept)[:: max(1, int(kept.sum()) // DISCREPANCY_SETTINGS.max_rows)]
     w = jacobian[np.ix_(rows, free)] / scale
     columns, words, sizes = _effect_columns(
         states, rows, w, size, "" if SEPARATE_LOAD_FEATURE in features_of(names) else UNEQUAL_LOAD_LOSSES

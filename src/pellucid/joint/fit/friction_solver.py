@@ -84,19 +84,22 @@ def values_without_blocks(
     and `instruments`, (m, p), are used. Parameters on a bound stay there.
     """
     free = ~found.at_bound
-    scale = np.maximum(column_norms(found.jacobian[:, free]), np.finfo(float).tiny)
-    w = found.jacobian[:, free]
-    w /= scale
-    w *= found.weights[:, None]
-    z = w if instruments is None else instruments[:, free] / scale * found.weights[:, None]
-    residual = found.residual * found.weights
-    gram, moment = z.T @ w, z.T @ residual
+    jacobian = some_columns(found.jacobian, free)
+    scale = np.maximum(column_norms(jacobian), np.finfo(float).tiny)
+    instrument = None if instruments is None else some_columns(instruments, free)
     blocks = dict(rows_of_blocks(labels))
-    grams = np.array([gram - z[own].T @ w[own] for own in blocks.values()])
-    moments = np.array([moment - z[own].T @ residual[own] for own in blocks.values()])
+    grams, moments = [], []
+    for own in blocks.values():  # one block at a time, to save memory
+        weights = found.weights[own, None]
+        w = jacobian[own] / scale * weights
+        z = w if instrument is None else instrument[own] / scale * weights
+        grams.append(z.T @ w)
+        moments.append(z.T @ (found.residual[own] * found.weights[own]))
+    left_out = np.array(grams), np.array(moments)[:, :, None]
+    gram, moment = (each.sum(axis=0) - each for each in left_out)
     values = np.tile(found.values, (len(blocks), 1))
     # The systems are small: they are solved in one call.
-    values[:, free] += (np.linalg.pinv(grams, rcond=1e-10) @ moments[:, :, None])[:, :, 0] / scale
+    values[:, free] += (np.linalg.pinv(gram, rcond=1e-10) @ moment)[:, :, 0] / scale
     return dict(zip(blocks, values, strict=True))
 
 

@@ -32,7 +32,7 @@ from ...numerics.regression import (
 )
 from ...numerics.sampled import sampled
 from ...numerics.uncertainty import block_bootstrap, correlation_time, sandwich_covariance, whiteness
-from .discrepancy import Discrepancy, States, collect_states, estimate_discrepancy
+from .discrepancy import Discrepancy, States, collect_states, compared_rows, estimate_discrepancy
 from .recording_agreement import (
     BODY_PARAMETERS,
     RECORDING_DRIFT_CAUSE,
@@ -249,7 +249,8 @@ def joint_states(model: JointModel, data: Stack[Motion], values: np.ndarray) -> 
         data.motions[0].filtering.dead_band,
     )
     if "_turning" not in known:  # computed once, because every model of these recordings has the same kinematics
-        known["_turning"] = np.concatenate([m.rows(turning_columns(m)) for m in data.motions])
+        parts = zip(data.motions, data.rows_by_motion(compared_rows(states.standstill)), strict=True)
+        known["_turning"] = np.concatenate([m.rows(turning_columns(m))[own] for m, own in parts])
     return replace(states, turning=known["_turning"])
 
 
@@ -301,6 +302,7 @@ def make_estimate(
         doubt = find_spring_doubt(model, data, found, states)
         if doubt is not None:
             discrepancy = add_drift(discrepancy, doubt.covariance, SPRING_CAUSE)
+        del states  # hours of data have no memory for them and the scores of the bootstrap
     beside, causes = discrepancy.of(model.names)
     covariance = statistical + beside
     held = np.flatnonzero(found.at_bound)

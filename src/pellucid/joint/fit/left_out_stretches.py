@@ -45,10 +45,8 @@ class LeftOutColumns:
 
     Attributes
     ----------
-    jacobian : ndarray, shape (m, p)
-        Columns of the model's parameters.
     friction : ndarray of bool, shape (p,)
-        Which of them are friction.
+        Which of the model's parameters are friction.
     states : States
         States of the joint in all m rows.
     time : ndarray, shape (m,)
@@ -65,31 +63,39 @@ class LeftOutColumns:
 
     def __init__(
         self,
-        jacobian: np.ndarray,
+        own: np.ndarray,
         measured: np.ndarray,
         effort: np.ndarray,
         states: States,
         *,
+        jacobian: Callable[[], np.ndarray],
         friction: np.ndarray,
         time: np.ndarray,
         labels: np.ndarray,
-        kept: np.ndarray,
+        rows: np.ndarray,
         effort_unit: str,
     ) -> None:
-        """Take the attributes, the segment of each row, `labels`, (m,), and a mask of the rows that count, (m,)."""
-        self.jacobian, self.friction, self.time, self.effort_unit = jacobian, friction, time, effort_unit
+        """Take the attributes, the segment of each row, `labels`, (m,), and the `rows` that count, (k,).
+
+        `own`, (k, p), are the columns of the parameters in these rows. `jacobian` gives them in all rows: hours of data
+        have no memory for them.
+        """
+        self._jacobian, self.friction, self.time, self.effort_unit = jacobian, friction, time, effort_unit
         self.measured, self.effort, self.states = measured, effort, states
         self.stiffness = (-1, 0.0)  # column and value of the stiffness of a parallel spring; no column: -1
-        rows = np.flatnonzero(kept)
-        self._rows = rows[:: max(1, -(-len(rows) // MAX_ROWS))]
-        self._labels = labels[self._rows]
-        self._target = (measured - effort)[self._rows]
-        self._own = _with_unit_columns(jacobian[self._rows])
+        self._rows, self._labels = rows, labels[rows]
+        self._target = (measured - effort)[rows]
+        self._columns, self._own = own, _with_unit_columns(own)
         self._beside = self._own[:, :0]
         # A twisted angle is no friction, and its column is nearly that of a misaligned axis.
         others = (*TRAVEL_EFFECTS, UNEQUAL_LOAD_LOSSES, TWISTED_ANGLE)
         used = self.states.part(self._rows)
         self._add([f(used) for n, f in NEGLECTED_EFFECTS.items() if n not in others])
+
+    @cached_property
+    def jacobian(self) -> np.ndarray:
+        """Columns of the model's parameters in all rows, (m, p)."""
+        return self._jacobian()
 
     def add(self, columns: Sequence[np.ndarray]) -> None:
         """Make columns, each of shape (m,), part of the model that causes extend."""
@@ -175,8 +181,8 @@ class LeftOutColumns:
         if len(self._rows) < MIN_ROWS_PER_COLUMN * (self._own.shape[1] + self._beside.shape[1] + 1):
             return None
         position = self.states.position[self._rows]
-        others = np.arange(self.jacobian.shape[1]) != self.stiffness[0]
-        wide = np.column_stack([_with_unit_columns(self.jacobian[np.ix_(self._rows, others)]), self._beside])
+        others = np.arange(self._columns.shape[1]) != self.stiffness[0]
+        wide = np.column_stack([_with_unit_columns(self._columns[:, others]), self._beside])
         scales, vectors = np.linalg.eigh(wide.T @ wide)
         kept = scales > MIN_RELATIVE_EIGENVALUE * scales[-1]
         basis = wide @ (vectors[:, kept] / np.sqrt(scales[kept]))
@@ -219,14 +225,16 @@ class LeftOutStretches(LeftOutColumns):
     def __init__(
         self, model: JointModel, data: Stack[Motion], values: np.ndarray, states: States, slow_speed_share: float
     ) -> None:
-        jacobian, effort = regression_rows(model, values, data)
+        rows = counted_rows(_share_of_slow_samples(data, slow_speed_share) < SLOW_SHARE)
+        own, effort = regression_rows(model, values, data, rows)
         self.model, self.data, self.values = model, data, values
         super().__init__(
-            jacobian, data.target, effort, states,
+            own, data.target, effort, states,
+            jacobian=lambda: regression_rows(model, values, data)[0],
             friction=np.array([is_friction(name) for name in model.names], bool),
             time=shares_of_time(data.motions),
             labels=segments_of(data.lengths),
-            kept=_share_of_slow_samples(data, slow_speed_share) < SLOW_SHARE,
+            rows=rows,
             effort_unit=model.effort_unit,
         )  # fmt: skip
         if PARALLEL_STIFFNESS in model.names:
@@ -240,6 +248,12 @@ class LeftOutStretches(LeftOutColumns):
     def columns(self, signals: Callable[[Motion], np.ndarray]) -> list[np.ndarray]:
         """Return signals of every motion, (n, k), in the rows of the regression, k of (m,)."""
         return list(np.concatenate([m.rows(signals(m)) for m in self.data.motions]).T)
+
+
+def counted_rows(kept: np.ndarray) -> np.ndarray:
+    """Return the rows that a mask, (m,), keeps, thinned if there are many."""
+    rows = np.flatnonzero(kept)
+    return rows[:: max(1, -(-len(rows) // MAX_ROWS))]
 
 
 def segments_of(lengths: Sequence[int]) -> np.ndarray:

@@ -22,7 +22,7 @@ import numpy as np
 from ...models.joint import PARALLEL_STIFFNESS, JointModel
 from ...numerics.distributions import normal_share_below
 from ...numerics.motion import Motion
-from ...numerics.regression import Solution, Stack, some_columns, triangular_factor
+from ...numerics.regression import Solution, Stack, column_norms, some_columns, triangular_factor
 from .discrepancy import States
 from .left_out_stretches import LeftOutStretches
 
@@ -80,7 +80,7 @@ def find_spring_doubt(model: JointModel, data: Stack[Motion], found: Solution, s
         moment = (estimate - float(found.values[names.index(PARALLEL_STIFFNESS)])) ** 2
     else:
         moment = _hidden_moment(estimate, error, SPRING_SETTINGS.usual_gravity_share * gravity, independent)
-    free = np.linalg.norm(found.jacobian, axis=0) > 0.0
+    free = column_norms(found.jacobian) > 0.0
     if has_spring:
         free[names.index(PARALLEL_STIFFNESS)] = False
     slope = np.zeros(len(names))

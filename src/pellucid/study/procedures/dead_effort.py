@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ..._errors import UnfitRecordingError
-from ...files.defects.constant import few_levels
+from ...files.defects.constant import few_levels, finite_samples
 from ...files.fault import Fault
 from ...files.recording import Recording
 from ...numerics.filters import central_difference
@@ -57,7 +57,7 @@ def _faults_of_use(study: Study, recordings: Sequence[Recording], use: str) -> I
                 supply = drive.replace("duty", "supply", 1)
                 if drive.startswith("duty") and supply in recording:
                     samples = samples * recording[supply]
-                efforts.setdefault(drive, []).append((recording, position, samples[np.isfinite(samples)]))
+                efforts.setdefault(drive, []).append((recording, position, finite_samples(samples)))
     for drive, seen in efforts.items():
         for recording, _, _ in seen:
             yield from _copied(recording, drive)
@@ -99,9 +99,11 @@ def _copied(recording: Recording, drive: str) -> Iterator[Fault]:
     for name, channel in recording.channels.items():
         if name.partition(".")[0] not in UNCOPYABLE_QUANTITIES or few_levels([channel.samples]) is not None:
             continue
-        pair = channel.samples, effort.samples
-        same = all(np.array_equal(*(x[some] for x in pair), equal_nan=True) for some in (FIRST_SAMPLES, slice(None)))
-        if same or (channel.column == effort.column and _is_proportional(*pair)):
+        pair = channel, effort
+        # All samples are read only where the first ones agree.
+        parts = ((x.within(some).samples for x in pair) for some in (FIRST_SAMPLES, slice(None)))
+        same = all(np.array_equal(*part, equal_nan=True) for part in parts)
+        if same or (channel.column == effort.column and _is_proportional(*(x.samples for x in pair))):
             found = f"the samples of {name} (recording {recording.name})"
             wanted = f"the effort's own: check the columns of {drive} and {name} in [channels]"
             yield _fault("refuse", recording.path.name, drive, found, wanted, "copied_effort")
