@@ -10,7 +10,9 @@
 #include <cstdio>
 #include <cstring>
 #include <limits>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace bindings {
@@ -44,7 +46,20 @@ constexpr std::uint64_t tens[most_decimals + 1] = {
 
 /// Room for one number and what follows it: the largest has 309 digits before the point.
 constexpr std::size_t most_characters = 340;
-constexpr std::size_t held_characters = 1 << 14;
+
+/// Four digits of every number below ten thousand, and room to read four from the last digit on.
+struct FourDigits {
+  char text[4 * 10000 + 4];
+};
+
+constexpr FourDigits four_digits() {
+  FourDigits made{};
+  for (int i = 0; i < 10000; ++i)
+    for (int k = 3, rest = i; k >= 0; --k, rest /= 10) made.text[4 * i + k] = static_cast<char>('0' + rest % 10);
+  return made;
+}
+
+constexpr FourDigits digits_of = four_digits();
 
 /// The last decimal that is needed, as a whole number; false where rounding of the product could change it.
 bool scaled(double size, int decimals, std::uint64_t& whole) {
@@ -56,6 +71,32 @@ bool scaled(double size, int decimals, std::uint64_t& whole) {
   if (std::abs(rest - 0.5) <= product * std::numeric_limits<double>::epsilon()) return false;
   whole = static_cast<std::uint64_t>(down) + (rest > 0.5 ? 1 : 0);
   return true;
+}
+
+/// Writes a whole number without leading zeros, and returns the end of its text; up to three characters after it change.
+char* put_whole(char* at, std::uint64_t whole) {
+  if (whole >= 10000) {
+    at = put_whole(at, whole / 10000);
+    std::memcpy(at, digits_of.text + 4 * (whole % 10000), 4);
+    return at + 4;
+  }
+  const int digits = 1 + (whole >= 10) + (whole >= 100) + (whole >= 1000);
+  std::memcpy(at, digits_of.text + 4 * whole + (4 - digits), 4);
+  return at + digits;
+}
+
+/// Writes so many decimals of `part`, which is below the power of ten of their number, and returns the end of their text.
+char* put_decimals(char* at, std::uint64_t part, int decimals) {
+  int behind = decimals;
+  for (; behind > 4; behind -= 4) {
+    std::memcpy(at + behind - 4, digits_of.text + 4 * (part % 10000), 4);
+    part /= 10000;
+  }
+  // The first ones, of which there are one to four, move to the front of four digits; those behind stay.
+  char first[4];
+  std::memcpy(first, digits_of.text + 4 * (part * tens[4 - behind]), 4);
+  for (int k = 0; k < behind; ++k) at[k] = first[k];
+  return at + decimals;
 }
 
 /// Writes a number to `at`, which has room for it, and returns the end of its text.
@@ -70,15 +111,13 @@ char* put_number(char* at, double value, int decimals) {
     *at = '0';
     return at + 1;
   }
-  if (std::signbit(value) && (decimals > 0 || whole > 0)) *at++ = '-';
-  std::ptrdiff_t digits = decimals + 1;
-  while (digits <= most_decimals && whole >= tens[digits]) ++digits;
-  char* const end = at + digits + (decimals > 0 ? 1 : 0);
-  char* back = end;
-  for (int k = 0; k < decimals; ++k, whole /= 10) *--back = static_cast<char>('0' + whole % 10);
-  if (decimals > 0) *--back = '.';
-  for (; back > at; whole /= 10) *--back = static_cast<char>('0' + whole % 10);
-  return end;
+  *at = '-';
+  at += std::signbit(value) && (decimals > 0 || whole > 0);
+  if (decimals == 0) return put_whole(at, whole);
+  const std::uint64_t before = whole / tens[decimals];
+  at = put_whole(at, before);
+  *at = '.';
+  return put_decimals(at + 1, whole - before * tens[decimals], decimals);
 }
 
 nb::object number_rows(nb::handle values_, nb::handle decimals_) {
@@ -93,24 +132,28 @@ nb::object number_rows(nb::handle values_, nb::handle decimals_) {
       throw nb::value_error(("decimals: found " + std::to_string(k) + ", expected a whole number from 0 to 15").c_str());
     after[c] = static_cast<int>(k);
   }
-  std::string text;
+  std::unique_ptr<char[]> text;
+  std::size_t size = 0;
   {
     nb::gil_scoped_release release;
-    text.reserve(8 * rows * columns);
-    char held[held_characters + most_characters];
-    char* at = held;
+    std::size_t room = 0;
     const double* value = values.data;
-    for (std::size_t r = 0; r < rows; ++r)
+    for (std::size_t r = 0; r < rows; ++r) {
+      if (room - size < columns * most_characters) {
+        room = std::max(2 * room, 8 * rows * columns + columns * most_characters);
+        std::unique_ptr<char[]> longer(new char[room]);
+        std::copy(text.get(), text.get() + size, longer.get());
+        text = std::move(longer);
+      }
+      char* at = text.get() + size;
       for (std::size_t c = 0; c < columns; ++c) {
         at = put_number(at, *value++, after[c]);
         *at++ = c + 1 < columns ? ',' : '\n';
-        if (at < held + held_characters) continue;
-        text.append(held, static_cast<std::size_t>(at - held));
-        at = held;
       }
-    text.append(held, static_cast<std::size_t>(at - held));
+      size = static_cast<std::size_t>(at - text.get());
+    }
   }
-  return nb::bytes(text.data(), text.size());
+  return nb::bytes(text.get(), size);
 }
 
 }  // namespace

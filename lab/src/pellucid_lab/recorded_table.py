@@ -72,11 +72,13 @@ class StoredTable:
         yield f"{self.comment}{heads}\n".encode()
         formats = [FIXED_TEXT.fullmatch(column.text) for column in self.columns]
         decimals = np.array([int(found[1] or 0) for found in formats if found])
+        whole = decimals == 0
         row = ",".join(column.text for column in self.columns) + "\n"
         for first in range(0, len(self.values), PART_ROW_COUNT):
             values = self.values[first : first + PART_ROW_COUNT]
             if all(formats):
-                yield _core.number_rows(np.where(decimals == 0, np.trunc(values), values), decimals)
+                values = np.where(whole, np.trunc(values), values) if whole.any() else values
+                yield _core.number_rows(values, decimals)
                 continue
             body = (row * len(values)) % tuple(values.ravel().tolist())
             yield (body.replace("nan", "") if np.isnan(values).any() else body).encode()
