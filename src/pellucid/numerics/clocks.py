@@ -99,7 +99,7 @@ def align(
     spline = CubicSpline(other_time, other_rate)
     step = 0.5 * min(float(np.median(np.diff(time))), float(np.median(np.diff(other_time))))
     delays = np.arange(-longest, longest + 0.5 * step, step)
-    first = best_delay(t, y, spline, delays)
+    first = best_delay(t, y, _looked_up(spline, t, delays), delays)
     if first is None:
         raise RecordingError(
             "alignment: one of the two signals is constant while both were recorded, so that it has no delay; record "
@@ -121,6 +121,19 @@ def align(
     variance = np.mean(best.fun**2) * correlation_length(best.fun)
     error = float(np.sqrt(variance * np.linalg.pinv(best.jac.T @ best.jac)[0, 0]))
     return Alignment(float(delay), error, float(gain), float(offset), correlation, 0.5 * float(t[0] + t[-1]))
+
+
+def _looked_up(
+    signal: Callable[[np.ndarray], np.ndarray], time: np.ndarray, delays: np.ndarray
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a `signal` for `time`, (n,), plus any of `delays`, (k,): all in equal steps, it is computed but once."""
+    steps, step = np.diff(time), float(delays[1] - delays[0])
+    many = round(float(steps[0]) / step)
+    if many < 1 or np.max(np.abs(steps - many * step)) > 1e-9 * step:
+        return signal
+    begin = float(time[0] + delays[0])
+    known = signal(begin + step * np.arange(many * (len(time) - 1) + len(delays)))
+    return lambda at: known[round((at[0] - begin) / step) :: many][: len(at)]
 
 
 def clock_drift(first: Alignment, second: Alignment) -> tuple[float, float]:

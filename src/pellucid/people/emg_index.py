@@ -44,7 +44,9 @@ class Activity:
     @classmethod
     def of_rectified(cls, time: np.ndarray, rectified: Mapping[str, np.ndarray]) -> Activity:
         """Return the activity of rectified EMG by muscle, (m,), at its times (m,) [s]."""
-        sums = {m: np.concatenate(([0.0], np.cumsum(np.square(each)))) for m, each in rectified.items()}
+        sums = {m: np.zeros(len(each) + 1) for m, each in rectified.items()}
+        for m, each in rectified.items():
+            np.cumsum(np.square(each), out=sums[m][1:])
         return cls(time, sums, {m: float(each.max()) for m, each in rectified.items()})
 
     def later(self, seconds: float) -> Activity:
@@ -333,16 +335,20 @@ def emg_and_motion(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -
     even = np.arange(low, high, 1.0 / COMPARISON_RATE_HZ)
     # Thinned by block means first: an envelope needs no anti-aliasing sharper than that.
     block = max(int(fs / 200.0), 1)
-    n = len(activity) // block * block
-    thin = sum(activity[i:n:block] for i in range(1, block)) + activity[:n:block]
-    at = time[:n].reshape(-1, block).mean(axis=1)
-    envelopes = [np.interp(even, at, each) for each in zero_phase_lowpass(thin / block, 6.0, 2, fs / block).T]
+    at, *thin = (_block_means(each, block) for each in (time, *activity.T))
+    smooth = zero_phase_lowpass(np.column_stack(thin), 6.0, 2, fs / block)
+    envelopes = [np.interp(even, at, each) for each in smooth.T]
     angle, velocity, acceleration = (
         np.interp(even, motion.time, each) for each in (motion.angle, motion.velocity, motion.acceleration)
     )
     causes = np.sin(angle), velocity, np.abs(velocity), acceleration, np.abs(acceleration)
     x, y = (np.column_stack([_without_slow(each) for each in group]) for group in (envelopes, causes))
     return (x, y) if x.std(axis=0).min() > 0.0 and np.linalg.matrix_rank(y) == y.shape[1] else None
+
+
+def _block_means(x: np.ndarray, count: int) -> np.ndarray:
+    """Return the means of `count` samples after another, (n // count,), of x, (n,), by the product that is fastest."""
+    return x[: len(x) // count * count].reshape(-1, count) @ np.full(count, 1.0 / count)
 
 
 def _explained(x: np.ndarray, y: np.ndarray, longest: int) -> np.ndarray:

@@ -22,6 +22,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import lru_cache
 from numbers import Integral
 from typing import Any, Literal
 
@@ -267,14 +268,19 @@ def run_parts(
 
 def _count_significant_studies(n, studies, seed, mean, factor, test, control, compared, alpha) -> int:
     """Return how many simulated studies are significant."""
-    rng = np.random.default_rng(seed)
-    values = mean + rng.standard_normal((studies, n, len(mean))) @ factor.T
+    values = mean + _drawn(seed, (studies, n, len(mean))) @ factor.T
     if test == "signed_rank":
         return int(np.sum(_has_significant_ranks(values[:, :, compared] - values[:, :, control], alpha)))
     if test == "friedman":
         statistic = friedman_statistics(tied_ranks(values, axis=2))
         return int(np.sum(stats.chi2.sf(statistic, len(mean) - 1) < alpha))
     return int(tells_from_control(values, control, alpha=alpha)[:, compared].sum())
+
+
+# Searches for several changes draw the same studies.
+@lru_cache(maxsize=64)
+def _drawn(seed: tuple[int, ...], shape: tuple[int, ...]) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal(shape)
 
 
 def _has_significant_ranks(differences: np.ndarray, alpha: float) -> np.ndarray:

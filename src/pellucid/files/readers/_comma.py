@@ -124,7 +124,7 @@ def may_hold_thousands(columns: Iterable[np.ndarray]) -> bool:
     They may not if one of them lies between 0 and 1, or has more than three decimals.
     """
     found = False
-    columns = [column for column in columns if not np.array_equal(column, np.rint(column))]
+    columns = [column for column in columns if not (_is_whole(column[:USUAL_EVIDENCE_ROWS]) and _is_whole(column))]
     # Most files show it in their first rows.
     for column in (*(column[:USUAL_EVIDENCE_ROWS] for column in columns), *columns):
         known = column[np.isfinite(column)]
@@ -135,6 +135,10 @@ def may_hold_thousands(columns: Iterable[np.ndarray]) -> bool:
             return False
         found |= bool(np.any(known != np.rint(known)))
     return found
+
+
+def _is_whole(column: np.ndarray) -> bool:
+    return np.array_equal(column, np.rint(column))
 
 
 def has_whole_numbers(column: np.ndarray) -> bool:

@@ -27,7 +27,9 @@ USUAL_HEADER_LETTERS = 20_000
 MISSING_WORDS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "missing")
 """Words that mean a missing sample, in lower case."""
 
-_COMMENT_MARKS = ("#", "%", "//", "!")
+COMMENT_MARKS = ("#", "%", "//", "!")
+"""Beginnings of the lines that are comments."""
+
 _JAPANESE_BYTES = re.compile(rb"(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
 _ENCODINGS = ("cp932", "gb18030", "cp949", "big5", "euc_jp", "cp1251")
 _OTHER_LINE = re.compile(r"\n(?![^\s\ufeff#%!/])[\s\ufeff]*?(?:$|[#%!]|//)", re.MULTILINE)
@@ -84,7 +86,7 @@ def _text_in(block: bytes, encoding: str) -> str | None:
 
 def is_comment(line: str) -> bool:
     """Return whether a line is a comment."""
-    return line.lstrip().startswith(_COMMENT_MARKS)
+    return line.lstrip().startswith(COMMENT_MARKS)
 
 
 def data_lines(lines: Sequence[str], before: int = 0) -> list[tuple[int, str]]:

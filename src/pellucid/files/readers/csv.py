@@ -44,6 +44,7 @@ from ._labelled_rows import plain_table, table_without_units
 from ._last_row import cut_row
 from ._lost_rows import LostRows, RowWidths
 from ._number_blocks import (
+    COMMENT_MARKS,
     MISSING_WORDS,
     data_lines,
     is_comment,
@@ -382,9 +383,10 @@ def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> 
     """Return the layout of a table, from as many blocks as hold the lines that tell it."""
     comments: list[str] = []
     lines: list[tuple[int, str]] = []
+    body: list[str] = []
     read = 0
     for block in blocks:
-        texts = text_of(block).splitlines()
+        texts, body = _telling_lines(text_of(block))
         found = data_lines(texts, read)
         if len(found) < len(texts):
             units = counted_units(texts) if read == 0 else {}
@@ -397,7 +399,7 @@ def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> 
     if not lines:
         raise RecordingError(f"{path.name}: found no row of data, expected rows of numbers below a header")
     require_narrow_lines(path, (line for _, line in lines[:20]))
-    delimiter = delimiter or _delimiter([line for _, line in _body(lines)])
+    delimiter = delimiter or _delimiter(body or [line for _, line in _body(lines)])
     split = [_split(line, delimiter) for _, line in lines[: MAX_HEADER_LINES + MAX_SAMPLED_ROWS]]
     first = _first_row(split[:MAX_HEADER_LINES])
     if first is None:
@@ -624,6 +626,15 @@ def lost_end(path: Path) -> str:
     if cut is None:
         return ""
     return f'an incomplete last row, "{cut.text if len(cut.text) <= 40 else f"{cut.text[:37]}..."}"'
+
+
+def _telling_lines(text: str) -> tuple[list[str], list[str]]:
+    """Return the lines of a block that can tell the layout, and some of its middle; all and none of a short block."""
+    begin, rest = text[:LABELLED_SAMPLE_BYTES], text[LABELLED_SAMPLE_BYTES:]
+    first = begin.splitlines()[:-1]
+    if len(first) < MAX_HEADER_LINES + MAX_SAMPLED_ROWS or any(mark[0] in rest for mark in COMMENT_MARKS):
+        return text.splitlines(), []
+    return first, rest[len(rest) // 2 :][:LABELLED_SAMPLE_BYTES].splitlines()[1:21]
 
 
 def _body(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
