@@ -41,6 +41,11 @@ class StoredArray:
         return self._store.read(self._start + first * row, (stop - first, *self.shape[1:]))
 
 
+    def read_each(self, rows: np.ndarray) -> np.ndarray:
+        """Return some `rows` of the array, of any shape; of the others at most those next to them are read."""
+        return self._store.mapped(self._start, self.shape)[rows]
+
+
 class StoredArrays(Mapping):
     """Arrays by name, each read from the file when it is asked for."""
 
@@ -50,6 +55,10 @@ class StoredArrays(Mapping):
     def __getitem__(self, name: str) -> np.ndarray:
         return self._arrays[name].read()
 
+    def read_each(self, name: str, rows: np.ndarray) -> np.ndarray:
+        """Return some `rows` of an array."""
+        return self._arrays[name].read_each(rows)
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._arrays)
 
@@ -58,6 +67,11 @@ class StoredArrays(Mapping):
 
     def __reduce__(self):
         return dict, ({name: np.array(samples) for name, samples in self.items()},)
+
+
+def rows_of(arrays: Mapping[str, np.ndarray], name: str, rows: np.ndarray) -> np.ndarray:
+    """Return some `rows` of one of `arrays`, which may be stored."""
+    return arrays.read_each(name, rows) if isinstance(arrays, StoredArrays) else arrays[name][rows]
 
 
 class SourceSamples(Protocol):
@@ -158,6 +172,11 @@ class ChannelStore:
             left, start = left[got:], start + got
         array.flags.writeable = False
         return array
+
+    def mapped(self, start: int, shape: tuple[int, ...]) -> np.ndarray:
+        """Return an array of the file from a byte `start` on, which keeps a file descriptor: release it soon."""
+        assert self._file is not None
+        return np.memmap(self._file, np.float64, "r", start, shape).view(np.ndarray)
 
     def _with_stored(self, recording: Recording) -> Recording:
         return replace(

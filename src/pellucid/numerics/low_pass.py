@@ -25,6 +25,18 @@ def chebyshev(order: int, ripple: float, cutoff: float) -> np.ndarray:
     return _digital(poles, gain if order % 2 else gain / np.sqrt(1 + eps * eps), cutoff)
 
 
+def butterworth_band(order: int, low: float, high: float) -> np.ndarray:
+    """Sections (k, 6) of a Butterworth band-pass of twice an `order`, -3 dB at both ends [half the sampling rate]."""
+    low, high = (4.0 * np.tan(np.pi * edge / 2.0) for edge in (low, high))
+    half = -np.exp(1j * np.pi * _turns(order) / (2 * order)) * (high - low) / 2.0
+    root = np.sqrt(half**2 - low * high)
+    poles = np.concatenate([half + root, half - root])
+    gain = (4.0 * (high - low)) ** order * (1.0 / np.prod(4.0 - poles)).real
+    sections = _sections((4.0 + poles) / (4.0 - poles), np.repeat([1.0, -1.0], order))
+    sections[0, :3] *= gain
+    return sections
+
+
 def settled(sections: np.ndarray) -> np.ndarray:
     """The state (k, 2) of each of the `sections` (k, 6) in which a constant input of 1 leaves the cascade."""
     states, level = np.empty((len(sections), 2)), 1.0
@@ -67,16 +79,16 @@ def _digital(poles: np.ndarray, gain: float, cutoff: float) -> np.ndarray:
     warped = 4.0 * np.tan(np.pi * cutoff / 2.0)
     poles = warped * poles
     gain = gain * warped ** len(poles) * (1.0 / np.prod(4.0 - poles)).real
-    sections = _sections((4.0 + poles) / (4.0 - poles))
+    sections = _sections((4.0 + poles) / (4.0 - poles), np.full(len(poles), -1.0))
     sections[0, :3] *= gain
     return sections
 
 
-def _sections(poles: np.ndarray) -> np.ndarray:
+def _sections(poles: np.ndarray, zeros: np.ndarray) -> np.ndarray:
     """Each pair of poles with the zeros nearest to it, the pair nearest to the unit circle last: rounding then does the
-    least harm. All zeros are at -1; an odd order takes a pole and a zero at 0 as well."""
+    least harm. An odd order takes a pole and a zero at 0 as well."""
     odd = len(poles) % 2
-    zeros = np.concatenate([np.full(len(poles), -1.0), np.zeros(odd)])
+    zeros = np.concatenate([zeros, np.zeros(odd)])
     left = np.concatenate([poles[poles.imag > 0.0], poles[poles.imag == 0.0], np.zeros(odd)])
     sections: list[list[float]] = []
     while len(left):

@@ -8,7 +8,6 @@ from here.
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import rankdata
 
 TIE_TOLERANCE = 1e-11
 """Two values are tied if they differ by less than this share of their scale, the largest of the numbers that they were
@@ -44,7 +43,17 @@ def tied_ranks(values: np.ndarray, scale: float | None = None, axis: int = -1) -
     groups = tie_groups(values, scale, axis)
     # Without a tie the groups of each row are 0 to n - 1.
     untied = groups.size and np.all(groups.max(axis=axis) == groups.shape[axis] - 1)
-    return groups + 1.0 if untied else rankdata(groups, axis=axis)
+    return groups + 1.0 if untied else np.moveaxis(_mean_ranks(np.moveaxis(groups, axis, -1)), -1, axis)
+
+
+def _mean_ranks(groups: np.ndarray) -> np.ndarray:
+    """Return the mean rank of the group of each value, from the groups of `tie_groups` along the last axis."""
+    rows = groups.reshape(-1, groups.shape[-1])
+    width = rows.shape[1]
+    counts = np.bincount((rows + width * np.arange(len(rows))[:, None]).ravel(), minlength=rows.size)
+    counts = counts.reshape(rows.shape)
+    ranks = np.cumsum(counts, axis=1) - 0.5 * (counts - 1)
+    return np.take_along_axis(ranks, rows, axis=1).reshape(groups.shape)
 
 
 def tied_signs(differences: np.ndarray, scale: float | None = None) -> np.ndarray:

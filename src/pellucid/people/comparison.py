@@ -46,12 +46,13 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+from scipy.special import chdtrc, chdtri, ndtr, stdtrit
 
 from .._errors import PellucidError
 from .._tabular import html_table, text_table
 from ..numerics.arguments import with_checked_arguments
 from ..numerics.block_test import holm
+from ..numerics.studentized_range import range_quantile, range_tail
 from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tie_groups, tied_ranks, tied_signs
 from .session_periods import SessionPeriods, adjustment
 
@@ -125,7 +126,7 @@ def _nemenyi(sums: np.ndarray, n: int) -> np.ndarray:
     apart = np.abs(sums[:, None] - sums[None, :]) / n / np.sqrt(k * (k + 1) / (6.0 * n))
     i, j = np.triu_indices(k, 1)
     p = np.ones((k, k))
-    p[i, j] = p[j, i] = np.clip(stats.studentized_range.sf(np.sqrt(2.0) * apart[i, j], k, np.inf), 0.0, 1.0)
+    p[i, j] = p[j, i] = range_tail(np.sqrt(2.0) * apart[i, j], k)
     return p
 
 
@@ -156,7 +157,7 @@ def _checked_sums(rank_sums: Sequence[float], n: int) -> np.ndarray:
 def _friedman_test(statistic: float, sums: np.ndarray, n: int, p_exact: float | None) -> FriedmanTest:
     df = len(sums) - 1
     return FriedmanTest(
-        statistic, df, float(stats.chi2.sf(statistic, df)), p_exact, tuple(float(s) for s in sums), participants=n
+        statistic, df, float(chdtrc(df, statistic)), p_exact, tuple(float(s) for s in sums), participants=n
     )
 
 
@@ -207,7 +208,7 @@ def tells_from_control(values: np.ndarray, control: int = 0, *, alpha: float = 0
         return np.zeros((studies, k), bool)
     ranks = tied_ranks(values, axis=2)
     sums = ranks.sum(axis=1)
-    least = stats.studentized_range.isf(alpha, k, np.inf) / np.sqrt(2.0) * n * np.sqrt(k * (k + 1) / (6.0 * n))
+    least = range_quantile(alpha, k) / np.sqrt(2.0) * n * np.sqrt(k * (k + 1) / (6.0 * n))
     apart = np.abs(sums - sums[:, [control]]) > least
     return apart & (friedman_statistics(ranks) >= _critical_statistic(n, k, alpha))[:, None]
 
@@ -224,7 +225,7 @@ def friedman_statistics(ranks: np.ndarray) -> np.ndarray:
 def _critical_statistic(n: int, k: int, alpha: float) -> float:
     """Return the smallest significant of Friedman's statistics of n people and k conditions; infinite if none is."""
     if k > MAX_EXACT_CONDITIONS or n ** (k - 1) * k ** (k - 2) > MAX_LIMIT_TABLE_SIZE:
-        return float(stats.chi2.isf(alpha, k - 1))
+        return float(chdtri(k - 1, alpha))
     spread, chance = _exact_distribution(np.tile(np.arange(1.0, k + 1.0), (n, 1)))
     possible, where = np.unique(spread, return_inverse=True)
     p = np.cumsum(np.bincount(where, chance)[::-1])[::-1]
@@ -674,6 +675,6 @@ def mean_interval(samples: np.ndarray, confidence: float, rng: np.random.Generat
     if n < 3:
         return float("nan"), float("nan")
     means = rng.choice(np.asarray(samples, float), (BOOTSTRAP_RESAMPLES, n)).mean(axis=1)
-    tail = float(stats.norm.cdf(-np.sqrt(n / (n - 1.0)) * stats.t.ppf(0.5 + 0.5 * confidence, n - 1)))
+    tail = float(ndtr(-np.sqrt(n / (n - 1.0)) * stdtrit(n - 1, 0.5 + 0.5 * confidence)))
     low, high = np.quantile(means, (tail, 1.0 - tail))
     return float(low), float(high)

@@ -26,7 +26,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from .._errors import PellucidError
 from ..numerics.filters import runs
@@ -119,7 +119,7 @@ def compare_curves(
     signs = _sign_flips(n)
     t = _student_t(d)
     drawn = _student_t_by_signs(d, signs)
-    point = float(stats.t.isf(0.5 * CLUSTER_LEVEL, n - 1))
+    point = float(scipy.stats.t.isf(0.5 * CLUSTER_LEVEL, n - 1))
     largest = np.array([max((mass for *_, mass in _find_clusters(row, point)), default=0.0) for row in drawn])
     clusters = tuple(
         Cluster(first, last, mass, float(np.mean(largest >= mass * (1.0 - 1e-12))))
@@ -131,17 +131,17 @@ def compare_curves(
     # n curves scatter less about their own mean than about the true one, so the band is never narrower than Student's.
     reach = max(
         float(np.quantile(np.abs(about).max(axis=1), 1.0 - 2.0 * alpha, method="higher")),
-        float(stats.t.isf(alpha, n - 1)),
+        float(scipy.stats.t.isf(alpha, n - 1)),
     ) * error  # fmt: skip
     within = beyond = float("nan")
     if margin is not None:
         mean = d.mean(axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             inner = np.minimum(mean - margin.low, margin.high - mean) / error
-            within = float(np.max(np.where(error > 0.0, stats.t.sf(inner, n - 1), inner <= 0.0)))
+            within = float(np.max(np.where(error > 0.0, scipy.stats.t.sf(inner, n - 1), inner <= 0.0)))
             outer = float(np.nanmax(np.maximum(mean - margin.high, margin.low - mean) / error))
         beyond = min(1.0, 2.0 * float(np.mean(about.max(axis=1) >= outer))) if outer > 0.0 else 1.0
-        beyond = max(beyond, float(2.0 * stats.t.sf(outer, n - 1)))
+        beyond = max(beyond, float(2.0 * scipy.stats.t.sf(outer, n - 1)))
     mean = d.mean(axis=0)
     return CurveComparison(mean, t, mean - reach, mean + reach, clusters, critical, margin, within, beyond, alpha, n)
 

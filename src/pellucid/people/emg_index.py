@@ -23,9 +23,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy import fft, stats
+from scipy.special import stdtrit
 
 from .._errors import RecordingError
+from ..files.stored_channels import rows_of
 from ..numerics.filters import zero_phase_lowpass
 from ..numerics.tied_ranks import tied_ranks
 from ..units import COORDINATES_BY_UNIT, Coordinate
@@ -79,8 +80,8 @@ class Activity:
         """Return the levels of stretches from their `first` sample to before their `last` one, (g, k)."""
         count, levels = np.maximum(last - first, 1), []
         for muscle in muscles:
-            sums = self.sums[muscle]  # may be read from a file
-            levels.append(np.sqrt(np.maximum((sums[last] - sums[first]) / count, 0.0)) / maxima[muscle])
+            before, after = rows_of(self.sums, muscle, np.array([first, last]))
+            levels.append(np.sqrt(np.maximum((after - before) / count, 0.0)) / maxima[muscle])
         return np.array(levels)
 
 
@@ -263,7 +264,7 @@ class EmgDrift:
     @property
     def clear(self) -> bool:
         """Whether the drift is significant (p < 0.001) and large enough to matter."""
-        beyond = float(stats.t.isf(0.5e-3, self.parts - 2)) * self.error
+        beyond = -float(stdtrit(self.parts - 2, 0.5e-3)) * self.error
         return abs(self.drift) > beyond and abs(self.total) > EMG_CLOCK.min_total_drift_s
 
 
@@ -358,11 +359,13 @@ def _explained(x: np.ndarray, y: np.ndarray, longest: int) -> np.ndarray:
     Both have hardly a mean once what is slow is gone: one product of spectra gives all lags of a covariance.
     """
     lags = np.arange(-longest, longest + 1)
-    inverse, size = np.linalg.inv(y.T @ y / len(y)), fft.next_fast_len(len(x) + longest, real=True)
-    causes, envelopes = fft.rfft(y.T, size), fft.rfft(x.T, size)
+    inverse, least = np.linalg.inv(y.T @ y / len(y)), len(x) + longest
+    # The shortest length of few small factors, which a Fourier transform takes fast.
+    size = min(part << (-(-least // part) - 1).bit_length() for part in (1, 3, 5, 9, 15))
+    causes, envelopes = np.fft.rfft(y.T, size), np.fft.rfft(x.T, size)
     shares = []
     for envelope, own in zip(envelopes, x.T, strict=True):
-        c = fft.irfft(causes * envelope.conj(), size)[:, lags] / (len(x) - np.abs(lags))
+        c = np.fft.irfft(causes * envelope.conj(), size)[:, lags] / (len(x) - np.abs(lags))
         shares.append(np.sum(c * (inverse @ c), axis=0) / np.var(own))
     return np.mean(shares, axis=0)
 

@@ -41,8 +41,8 @@ from math import inf, nan
 from typing import Literal, cast
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import stats
 
 from .._errors import PellucidError
 from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tied_signs
@@ -344,7 +344,7 @@ def _location(
         return middle, (float(walsh_averages(wide)[-needed]), float(walsh_averages(wide_high)[needed - 1]))
     middle = float(known.mean()) if np.isfinite(known).all() else nan
     if method == "t":
-        reach = float(stats.t.isf(alpha, len(d) - 1)) * float(np.std(wide, ddof=1)) / np.sqrt(len(d))
+        reach = float(scipy.stats.t.isf(alpha, len(d) - 1)) * float(np.std(wide, ddof=1)) / np.sqrt(len(d))
         return middle, (middle - reach, middle + reach)
     own = None if fit.is_plain else sessions
     return middle, (_mean_end(wide, alpha, own), -_mean_end(-wide_high, alpha, own))
@@ -354,7 +354,7 @@ def _t_above(differences: np.ndarray, value: float) -> np.ndarray:
     """Return the p value of Student's t that the mean of differences (..., n) lies above a value, shape (...)."""
     if np.isinf(value):
         return np.full(differences.shape[:-1], 0.0 if value < 0.0 else 1.0)
-    return stats.t.sf(student_statistics(differences, value), differences.shape[-1] - 1)
+    return scipy.stats.t.sf(student_statistics(differences, value), differences.shape[-1] - 1)
 
 
 def _ranks_above(differences: np.ndarray, value: float) -> np.ndarray:
@@ -395,9 +395,9 @@ def equivalence_of_estimate(
     def p_above(gap: float) -> float:
         if error == 0.0:
             return 0.0 if gap > 0.0 else 1.0
-        return float(stats.t.sf(gap / error, degrees))
+        return float(scipy.stats.t.sf(gap / error, degrees))
 
-    reach = float(stats.t.isf(alpha, degrees)) * error
+    reach = float(scipy.stats.t.isf(alpha, degrees)) * error
     inner, outer = (estimate - margin.low, margin.high - estimate), (margin.low - estimate, estimate - margin.high)
     return Equivalence(
         margin, pairs or len(own), estimate, (estimate - reach, estimate + reach), max(map(p_above, inner)),
@@ -443,7 +443,7 @@ def interval_bayes_factor(differences: np.ndarray, margin: Margin) -> float:
     angle = (np.arange(4000) + 0.5) / 4000.0
     effect = PRIOR_SCALE * np.tan(np.pi * (angle - 0.5))
     log_likelihood = (
-        stats.nct.logpdf(t, n - 1, np.clip(effect * np.sqrt(n), -37.0, 37.0))
+        scipy.stats.nct.logpdf(t, n - 1, np.clip(effect * np.sqrt(n), -37.0, 37.0))
         if n < 2000
         else (-0.5 * (t - effect * np.sqrt(n)) ** 2)
     )

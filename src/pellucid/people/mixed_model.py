@@ -29,7 +29,7 @@ from dataclasses import dataclass
 from math import nan
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from .._errors import PellucidError, missing_package
 from .equivalence import Equivalence, Margin, equivalence_of_estimate, unknown_equivalence
@@ -150,7 +150,7 @@ def mixed_model(
     value, error = scale * np.asarray(fitted.fe_params), scale * np.asarray(fitted.bse_fe)
     told = {
         name: Coefficient(
-            float(value[i]), float(error[i]), float(2.0 * stats.t.sf(abs(value[i] / error[i]), people - 1))
+            float(value[i]), float(error[i]), float(2.0 * scipy.stats.t.sf(abs(value[i] / error[i]), people - 1))
         )
         for i, name in enumerate(kept, len(heads))
     }

@@ -189,12 +189,13 @@ def kinematics(
     steps = np.diff(time)
     fs = 1.0 / float(np.mean(steps[steps < 1.5 * np.median(steps)]))
     even = even_times(time, fs, 0.5)
-    filled = np.interp(even, time[seen], angle[seen])
-    # How far the nearest samples that were seen are apart, at every sample.
-    at = np.searchsorted(time[seen], even, side="right")
-    padded = np.concatenate(([-np.inf], time[seen], [np.inf]))
-    gap = padded[np.minimum(at + 1, len(padded) - 1)] - padded[at]
-    lost = (gap > MOVEMENT_BOUNDS.max_bridged_gap_s + 1.5 / fs) & (np.abs(even - padded[at]) > 0.5 / fs)
+    known = time[seen]
+    filled = np.interp(even, known, angle[seen])
+    lost = np.zeros(len(even), bool)
+    gaps = np.flatnonzero(np.diff(known) > MOVEMENT_BOUNDS.max_bridged_gap_s + 1.5 / fs)
+    begins, ends = (-np.inf, *known[gaps], known[-1]), (known[0], *known[gaps + 1], np.inf)
+    for begin, part in zip(begins, map(slice, *(np.searchsorted(even, each) for each in (begins, ends))), strict=True):
+        lost[part] = even[part] - begin > 0.5 / fs
     return _filtered(even, filled, lost, fs, unit, rule, where)
 
 

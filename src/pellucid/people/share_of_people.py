@@ -37,7 +37,8 @@ from functools import lru_cache
 from math import nan
 
 import numpy as np
-from scipy import special, stats
+import scipy
+from scipy import special
 from scipy.optimize import brentq
 
 from ..numerics.tied_ranks import TIE_TOLERANCE
@@ -179,8 +180,8 @@ def share_p_values(
     slack = TIE_TOLERANCE * margin.half_width
     within = _count_inside(lower, upper, near, allowance, slack)
     seen_far = n - _count_inside(lower, upper, far, allowance, slack)
-    p_within = stats.binom.sf(within - 1, n, rule.within)
-    p_far = stats.binom.cdf(seen_far, n, rule.far)
+    p_within = scipy.stats.binom.sf(within - 1, n, rule.within)
+    p_far = scipy.stats.binom.cdf(seen_far, n, rule.far)
     if n >= MODEL_PEOPLE and noise is None:
         return p_within, p_far
     known = np.isfinite(lower).all(axis=-1) & (lower == upper).all(axis=-1)
@@ -223,9 +224,9 @@ def far_people_p(
     if noise is not None:
         reach = (rule.far_margins - 1.0) * margin.half_width
         spread = float(np.sqrt(np.max(noise.variance)))
-        carried = float(stats.norm.sf(reach / spread)) if spread > 0.0 else 0.0
+        carried = float(scipy.stats.norm.sf(reach / spread)) if spread > 0.0 else 0.0
     share = rule.far + (1.0 - rule.far) * carried
-    return min(1.0, 2.0 * float(stats.binom.sf(max(below, above) - 1, len(lower), share)))
+    return min(1.0, 2.0 * float(scipy.stats.binom.sf(max(below, above) - 1, len(lower), share)))
 
 
 def share_test(
@@ -257,8 +258,8 @@ def _share_bounds(
     near, far = (limits(margin, count) for count in (1.0, rule.far_margins))
     within = int(_count_inside(lower, upper, near, allowance, slack))
     seen_far = n - int(_count_inside(lower, upper, far, allowance, slack))
-    least = float(stats.beta.ppf(rule.alpha, within, n - within + 1)) if within else 0.0
-    most = float(stats.beta.isf(rule.alpha, seen_far + 1, n - seen_far)) if seen_far < n else 1.0
+    least = float(scipy.stats.beta.ppf(rule.alpha, within, n - within + 1)) if within else 0.0
+    most = float(scipy.stats.beta.isf(rule.alpha, seen_far + 1, n - seen_far)) if seen_far < n else 1.0
     if (n >= MODEL_PEOPLE and noise is None) or not (np.isfinite(lower).all() and (lower == upper).all()):
         return least, most
     shape = float(shape_p(lower))
@@ -275,7 +276,7 @@ def _share_bounds(
         if gap == np.inf:
             return least, 0.0
         ends = [float(np.quantile(gap * spread + mean, rule.alpha)) for mean, spread in _skewed_reference(n)]
-        shares = stats.norm.sf(ends[0]), stats.norm.sf(np.log(ends[1])) if ends[1] > 0.0 else 1.0
+        shares = scipy.stats.norm.sf(ends[0]), scipy.stats.norm.sf(np.log(ends[1])) if ends[1] > 0.0 else 1.0
         most = min(most, float(max(shares)))
     return least, most
 
@@ -313,7 +314,7 @@ def shape_p(differences: np.ndarray) -> np.ndarray:
 
 def _francia(differences: np.ndarray) -> np.ndarray:
     n = differences.shape[-1]
-    scores = stats.norm.ppf((np.arange(1, n + 1) - 0.375) / (n + 0.25))
+    scores = scipy.stats.norm.ppf((np.arange(1, n + 1) - 0.375) / (n + 0.25))
     ordered = np.sort(differences - differences.mean(axis=-1, keepdims=True), axis=-1)
     size = np.sum(ordered**2, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -365,8 +366,8 @@ def _pivot_draws(count: int, degrees: float, noise_degrees: float) -> tuple[np.n
     """
     rng = np.random.default_rng([SHAPE_SEED, 2])
     even = (np.arange(count) + 0.5) / count
-    z, one, other = stats.norm.ppf(rng.permutation(even)), rng.permutation(even), rng.permutation(even)
-    return z, degrees / stats.chi2.ppf(one, degrees), noise_degrees / stats.chi2.ppf(other, noise_degrees)
+    z, one, other = scipy.stats.norm.ppf(rng.permutation(even)), rng.permutation(even), rng.permutation(even)
+    return z, degrees / scipy.stats.chi2.ppf(one, degrees), noise_degrees / scipy.stats.chi2.ppf(other, noise_degrees)
 
 
 def _standardised_gaps(
@@ -397,7 +398,7 @@ def _normal_p(
     # One end with the same estimated share beyond has the p value of the noncentral t distribution.
     gap = (1.0 - 2.0 * special.betaincinv(half, half, both)) / size
     root = np.sqrt(fit.people)
-    return stats.nct.sf(gap * root, fit.degrees, float(stats.norm.isf(share)) * root)
+    return scipy.stats.nct.sf(gap * root, fit.degrees, float(scipy.stats.norm.isf(share)) * root)
 
 
 def _distance(d: np.ndarray, ends: tuple[float, float], allowance: float, fit: Adjustment) -> np.ndarray:
@@ -417,7 +418,7 @@ def _skewed_p(gap: np.ndarray, people: int, share: float) -> np.ndarray:
 @lru_cache(maxsize=64)
 def _skewed_gaps(people: int, share: float) -> tuple[np.ndarray, ...]:
     """Return sorted distances, in standard deviations, of studies' means from an end beyond which a `share` lies."""
-    z = float(stats.norm.isf(share))
+    z = float(scipy.stats.norm.isf(share))
     ends = z, float(np.exp(z))
     return tuple(np.sort((end - m) / sd) for (m, sd), end in zip(_skewed_reference(people), ends, strict=True))
 

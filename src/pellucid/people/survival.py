@@ -22,7 +22,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, stats
+import scipy
+from scipy import optimize
 from scipy.special import ndtri
 
 from .._errors import PellucidError
@@ -125,7 +126,7 @@ def looks(share: Sequence[float], alpha: float = 0.05) -> Looks:
         raise PellucidError(f"looks: found the shares {list(share)}, expected increasing shares above 0 and up to 1")
     if not 0.0 < alpha < 0.5:
         raise PellucidError(f"looks: found the level {alpha!r}, expected one between 0 and 0.5")
-    spent = 2.0 * stats.norm.sf(stats.norm.isf(0.5 * alpha) / np.sqrt(np.minimum(t, 1.0)))
+    spent = 2.0 * scipy.stats.norm.sf(scipy.stats.norm.isf(0.5 * alpha) / np.sqrt(np.minimum(t, 1.0)))
     boundaries: list[float] = []
     grid = density = None
     for k, new in enumerate(np.diff(spent, prepend=0.0)):
@@ -134,8 +135,8 @@ def looks(share: Sequence[float], alpha: float = 0.05) -> Looks:
         def crossing(z: float, now=t[k], step=step, grid=grid, density=density) -> float:
             bound = z * np.sqrt(now)
             if grid is None:
-                return float(stats.norm.sf(z))
-            return float(np.trapezoid(density * stats.norm.sf((bound - grid) / np.sqrt(step)), grid))
+                return float(scipy.stats.norm.sf(z))
+            return float(np.trapezoid(density * scipy.stats.norm.sf((bound - grid) / np.sqrt(step)), grid))
 
         z = (
             float(optimize.brentq(lambda z, new=new: crossing(z) - new, -INTEGRATION_REACH_SD, INTEGRATION_REACH_SD))
@@ -147,11 +148,12 @@ def looks(share: Sequence[float], alpha: float = 0.05) -> Looks:
         bound = z * np.sqrt(t[k])
         onward = np.linspace(-INTEGRATION_REACH_SD * np.sqrt(t[k]), bound, INTEGRATION_NODE_COUNT)
         if grid is None:
-            density = stats.norm.pdf(onward, scale=np.sqrt(step))
+            density = scipy.stats.norm.pdf(onward, scale=np.sqrt(step))
         else:
-            density = np.trapezoid(density * stats.norm.pdf(onward[:, None] - grid, scale=np.sqrt(step)), grid, axis=1)
+            moved = scipy.stats.norm.pdf(onward[:, None] - grid, scale=np.sqrt(step))
+            density = np.trapezoid(density * moved, grid, axis=1)
         grid = onward
     return Looks(
-        tuple(map(float, t)), tuple(boundaries), tuple(float(stats.norm.sf(z)) for z in boundaries),
+        tuple(map(float, t)), tuple(boundaries), tuple(float(scipy.stats.norm.sf(z)) for z in boundaries),
         tuple(map(float, spent)),
     )  # fmt: skip

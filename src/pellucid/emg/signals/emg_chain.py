@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from ... import _core
 from ..._errors import RecordingError
 from ...numerics.arguments import with_checked_arguments
-from ...numerics.low_pass import settled
+from ...numerics.low_pass import butterworth_band, settled
 
 
 @dataclass(frozen=True)
@@ -115,9 +115,10 @@ class Stage:
 def _sections(stage: Stage, fs: float) -> np.ndarray:
     if stage.kind == "notch":
         return scipy.signal.tf2sos(*scipy.signal.iirnotch(stage.cutoff[0], stage.quality, fs=fs))
+    if stage.kind == "bandpass":
+        return butterworth_band(stage.order, *(2.0 * edge / fs for edge in stage.cutoff))
     if stage.kind in FILTER_STAGES:
-        edges = stage.cutoff if stage.kind == "bandpass" else stage.cutoff[0]
-        return scipy.signal.butter(stage.order, edges, stage.kind, fs=fs, output="sos")
+        return scipy.signal.butter(stage.order, stage.cutoff[0], stage.kind, fs=fs, output="sos")
     return np.empty((0, 6))
 
 
