@@ -145,6 +145,8 @@ def first_deliveries(time: np.ndarray, samples: Mapping[str, np.ndarray]) -> np.
     steps = np.diff(time)
     if not samples or len(time) < 3 or not np.isfinite(steps).all() or np.any(steps < 0.0):
         return first
+    if steps.min() > CLOCK_LIMITS.max_repeat_step_share * steps.max():
+        return first  # as below, without a median
     positive = steps[steps > 0.0]
     if not positive.size or steps.min() > CLOCK_LIMITS.max_repeat_step_share * float(np.median(positive)):
         return first

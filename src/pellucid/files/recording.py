@@ -278,7 +278,8 @@ class Recording:
         shortest, longest = self._step_range
         if shortest > 0.0 and longest < MIN_GAP_STEP_RATIO * shortest:
             # No step is a gap, so that a long recording does not need its median.
-            return (len(self) - 1) / float(self.time[-1] - self.time[0])
+            first, last = self.time[[0, -1]]
+            return (len(self) - 1) / float(last - first)
         steps = np.diff(self.time)
         steps = steps[np.isfinite(steps) & (steps > 0.0)]
         if steps.size == 0:

@@ -302,11 +302,11 @@ def emg_drift(x: np.ndarray, y: np.ndarray) -> EmgDrift | None:
     steepest = min(EMG_CLOCK.max_searched_drift, 2.0 / seconds)
     most = int(np.ceil(0.5 * steepest * seconds * COMPARISON_RATE_HZ)) + 1
     wide = np.pad(parts, ((0, 0), (most, most)))
-    lags, rows = np.arange(-longest, longest + 1), np.arange(count)[:, None]
+    lags = np.arange(-longest, longest + 1)
     best = (-np.inf, 0.0, 0.0)
     for drift in np.arange(-steepest, steepest, 1.0 / COMPARISON_RATE_HZ / seconds):
         shift = np.rint(drift * at * COMPARISON_RATE_HZ).astype(int)
-        total = wide[rows, lags + longest + most + shift[:, None]].sum(axis=0)
+        total = sum(part[first : first + len(lags)] for part, first in zip(wide, (most + shift).tolist(), strict=True))
         top = int(np.argmax(total))
         best = max(best, (float(total[top]), drift, lags[top] / COMPARISON_RATE_HZ))
     _, drift, lead = best

@@ -187,7 +187,8 @@ def kinematics(
             f"{where or 'angle'}: found {int(seen.sum())} finite samples, expected at least 2 at increasing times"
         )
     steps = np.diff(time)
-    fs = 1.0 / float(np.mean(steps[steps < 1.5 * np.median(steps)]))
+    is_even = np.max(steps) < 1.5 * np.min(steps)  # then no step needs their median
+    fs = 1.0 / float(np.mean(steps if is_even else steps[steps < 1.5 * np.median(steps)]))
     even = even_times(time, fs, 0.5)
     known = time[seen]
     filled = np.interp(even, known, angle[seen])

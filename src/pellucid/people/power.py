@@ -307,6 +307,21 @@ def lasting_bounds(
     `change` maps the medians [s] in `compared` and in `control` to the change. Only cells of movements that occur in
     all `conditions` count.
     """
+    found = lasting_medians(lasted, participants, conditions, (control, compared))
+    if found is None:
+        return None
+    (base, own), (base_known, own_known) = found[0].T, found[1].T
+    seen = change(own, base)
+    return np.where(base_known, seen, -np.inf), np.where(own_known, seen, np.inf)
+
+
+def lasting_medians(
+    lasted: Sequence[MovementDuration], participants: Sequence[str], conditions: Sequence[str], of: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return median durations [s] and whether all were reached, (n, k), in the k conditions `of`.
+
+    Only cells of movements that occur in all `conditions` count. Without such cells the result is None.
+    """
     cells: dict[tuple[str, str], dict[tuple, list[MovementDuration]]] = {}
     for each in lasted:
         own = cells.setdefault((each.participant, each.condition), {})
@@ -319,13 +334,11 @@ def lasting_bounds(
             return None
         found = [
             [_bounded_median(cells[person, condition][cell], longest) for cell in sorted(shared, key=str)]
-            for condition in (control, compared)
+            for condition in of
         ]
         values.append([np.mean([value for value, _ in own]) for own in found])
         reached.append([all(known for _, known in own) for own in found])
-    (base, own), (base_known, own_known) = np.array(values).T, np.array(reached).T
-    seen = change(own, base)
-    return np.where(base_known, seen, -np.inf), np.where(own_known, seen, np.inf)
+    return np.array(values), np.array(reached)
 
 
 def _bounded_median(own: Sequence[MovementDuration], longest: float) -> tuple[float, bool]:

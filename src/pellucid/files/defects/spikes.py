@@ -103,7 +103,7 @@ def find_spikes(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
     every = max(1, n // 200_000)
     usual, sparse = _high_quantile(steps[::every], 0.99), np.abs(x[::every])
     large = _high_quantile(sparse[np.isfinite(sparse)], 0.99) if np.isfinite(sparse).any() else 0.0
-    quantum = float(np.min(steps, where=steps > 1e-9 * large, initial=np.inf))
+    quantum = float(np.min(np.where(steps > 1e-9 * large, steps, np.inf)))
     if not np.isfinite(quantum):
         return []
     resolved = SPIKE_LIMITS.min_resolution_ratio * quantum

@@ -80,6 +80,10 @@ _UNIT_CELL = re.compile(
 """A number, and a unit behind it."""
 
 
+_UNIT_LETTER = re.compile(r"[^\W\d_]|[°%]")
+"""The first letter of a unit."""
+
+
 def table_without_units(content: bytes) -> bytes | None:
     """Return the content of a table whose cells hold units with these in the header; None of any other table.
 
@@ -88,7 +92,7 @@ def table_without_units(content: bytes) -> bytes | None:
     """
     lines = text.splitlines() if (text := _utf8(content)) is not None else []
     rows = [line for line in lines[1:] if line.strip()]
-    if len(rows) < MIN_LABELLED_ROWS:
+    if len(rows) < MIN_LABELLED_ROWS or _UNIT_LETTER.search("\n".join(rows[:SAMPLED_LINES])) is None:
         return None
     for mark in ("\t", ";", ","):
         width = lines[0].count(mark) + 1

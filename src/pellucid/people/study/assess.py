@@ -26,7 +26,7 @@ from ..movements import MovementRule
 from ..power import (
     MIN_FORECAST_PEOPLE,
     STANDARDISED_CHANGES,
-    lasting_bounds,
+    lasting_medians,
     participants_for_effects,
     participants_needed,
 )
@@ -309,7 +309,10 @@ def _assessed(
     spec: AssessmentTable,
     along: Coordinate,
     names: Sequence[str],
+    *,
+    together: bool = False,
 ) -> dict[str, Assessed]:
+    """Return each index with its comparison of all conditions, and unless `together` with those with control."""
     found, indices = {}, indices_along(along)
     for name in names:
         table = index_table(whole.movements, indices[name], participants, conditions, spec.control, whole.lasted)
@@ -317,9 +320,9 @@ def _assessed(
             continue
         # Each index has its own random stream, so that leaving one out does not change another's interval.
         rng = np.random.default_rng([RANDOM_SEED, list(INDICES).index(name)])
-        control = spec.control if spec.control in table.conditions else None
+        control = spec.control if spec.control in table.conditions and not together else None
         compared = compare_conditions(
-            table.values, table.conditions, control, against_zero=table.index.over_control,
+            table.values, table.conditions, control, against_zero=table.index.over_control and not together,
             confidence=spec.confidence, rng=rng,
         )  # fmt: skip
         found[name] = Assessed(table, compared)
@@ -367,7 +370,7 @@ def _sensitivity(
     return tuple(
         _sensitive(words, each, condition, spec, conditions, order, unreached[words].get(condition, (False, False)))
         for words, whole in measured.items()
-        for each in _assessed(whole, participants, conditions, spec, along, names).values()
+        for each in _assessed(whole, participants, conditions, spec, along, names, together=True).values()
         for condition in each.table.conditions
         if condition != spec.control
     )
@@ -473,14 +476,11 @@ def _unreached(
     whole: MeasuredStudy, participants: Sequence[str], conditions: Sequence[str], control: str
 ) -> dict[str, tuple[bool, bool]]:
     """Return, by condition, whether somebody's median duration was not reached: in the condition, and in control."""
-    found = {}
-    for condition in conditions:
-        if condition == control:
-            continue
-        bounds = lasting_bounds(whole.lasted, participants, conditions, control, condition, np.subtract)
-        if bounds is not None:
-            found[condition] = bool(np.isinf(bounds[1]).any()), bool(np.isinf(bounds[0]).any())
-    return found
+    medians = lasting_medians(whole.lasted, participants, conditions, conditions)
+    if medians is None:
+        return {}
+    lacking = dict(zip(conditions, (~medians[1].all(axis=0)).tolist(), strict=True))
+    return {condition: (lacking[condition], lacking[control]) for condition in conditions if condition != control}
 
 
 def _about_start(whole: MeasuredStudy, m: MeasuredMovement, time: np.ndarray) -> np.ndarray:

@@ -320,9 +320,10 @@ def rectified_emg(recording: Recording, spec: AssessmentTable) -> dict[str, np.n
             f"{source.path.name} (recording {recording.name}): found {', '.join(present)}, expected {absent} too"
         )
     chain = _chain(spec.advance)
-    whole = source.uncut or source
-    half = 0.5 / source.fs
-    inside = slice(*map(int, np.searchsorted(whole.time, (source.time[0] - half, source.time[-1] + half))))
+    whole, inside = source.uncut or source, slice(0, len(source))
+    if whole is not source:
+        half, ends = 0.5 / source.fs, source.time[[0, -1]]
+        inside = slice(*map(int, np.searchsorted(whole.time, (ends[0] - half, ends[1] + half))))
     raw = {name: whole[name] for name in names if whole.channels[name].unit != "1"}
     try:
         made = chain.zero_phase_each(raw, source.fs, inside)
