@@ -145,5 +145,8 @@ def test_ranks_keep_what_an_instrument_tells_apart():
     plain = np.random.default_rng(1).standard_normal((50, 9))
     np.testing.assert_array_equal(tied_ranks(plain, axis=1), stats.rankdata(plain, axis=1))
     np.testing.assert_array_equal(tied_ranks(plain, axis=0), stats.rankdata(plain, axis=0))
+    tied = np.round(np.random.default_rng(1).standard_normal((6, 9, 5)), 1)
+    for axis in range(3):
+        np.testing.assert_array_equal(tied_ranks(tied, axis=axis), stats.rankdata(tied, axis=axis))
     w = [stats.wilcoxon(row, alternative="greater").statistic for row in plain]
     np.testing.assert_allclose(rank_sums(plain), w)

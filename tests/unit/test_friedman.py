@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from pellucid import _errors
+from pellucid.numerics.studentized_range import range_quantile, range_tail
 from pellucid.people.comparison import friedman, friedman_from_rank_sums, nemenyi, nemenyi_from_rank_sums
 
 
@@ -89,6 +90,14 @@ def test_nemenyi_holds_the_tables_critical_values():
         assert p[0, -1] == pytest.approx(0.05, abs=1e-4)
         assert np.array_equal(p, p.T)
         assert np.all(np.diag(p) == 1.0)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 6, 10])
+def test_the_range_of_normal_numbers_is_scipys(count):
+    value = np.linspace(0.0, 9.0, 30)
+    expected = stats.studentized_range.sf(value, count, np.inf)
+    np.testing.assert_allclose(range_tail(value, count), expected, rtol=0.0, atol=1e-12)
+    assert range_quantile(0.05, count) == pytest.approx(stats.studentized_range.isf(0.05, count, np.inf), rel=1e-11)
 
 
 @pytest.mark.parametrize(

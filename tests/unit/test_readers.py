@@ -62,6 +62,14 @@ def test_settings_above_the_table_are_none_of_its_rows(tmp_path, rows):
     assert found["x (mm)"][-1] == -0.5 * (rows - 1)
 
 
+def test_many_comments_leave_later_rows_in_their_lines(tmp_path):
+    comments = "".join(f"# remark {i}{'-' * 200}\n" for i in range(500))
+    rows = "".join(f"{i},{i / 8}\n" for i in range(40_000))
+    found = text(tmp_path, f"{comments}t,q\n{rows}")
+    assert found.names == ("t", "q")
+    assert np.array_equal(found["q"], np.arange(40_000) / 8)
+
+
 def test_columns_without_a_header_have_numbers(tmp_path):
     columns = text(tmp_path, "0,1.5\n1,2.5\n")
     assert columns.column(1, "position").tolist() == [1.5, 2.5]

@@ -11,7 +11,7 @@ from pellucid.files import kept_columns, stored_channels
 from pellucid.files.optical import OpticalRecording
 from pellucid.files.readers.read import read_columns
 from pellucid.files.recording import Channel, Recording
-from pellucid.files.stored_channels import ChannelStore, StoredChannel
+from pellucid.files.stored_channels import ChannelStore, StoredChannel, rows_of
 from pellucid.study.procedures.registry import open_study
 
 COUNT = 5000
@@ -109,6 +109,10 @@ def test_many_arrays_are_held_at_once_by_one_file_descriptor(store):
     held = [arrays[str(i)] for i in range(400)]
     assert len(list(Path("/proc/self/fd").iterdir())) == first
     assert [x[0] for x in held] == list(range(400))
+    rows = np.array([[0, 3], [7, 7]])
+    assert rows_of(arrays, "5", rows).tolist() == [[5.0, 5.0], [5.0, 5.0]]
+    assert rows_of({"x": np.arange(8.0)}, "x", rows).tolist() == [[0.0, 3.0], [7.0, 7.0]]
+    assert len(list(Path("/proc/self/fd").iterdir())) == first
 
 
 def test_channels_of_a_kept_file_are_read_from_it_again(tmp_path, monkeypatch):

@@ -9,7 +9,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import ndtr
 
 STEP = 0.05
@@ -31,4 +30,6 @@ def range_tail(value: np.ndarray | float, count: int) -> np.ndarray:
 @lru_cache(maxsize=64)
 def range_quantile(chance: float, count: int) -> float:
     """Return the value that the range of `count` standard normal numbers exceeds with a `chance` above 0."""
+    from scipy.optimize import brentq  # loads slowly
+
     return brentq(lambda value: float(range_tail(value, count)) - chance, 0.0, 40.0, xtol=1e-13)

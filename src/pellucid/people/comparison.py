@@ -174,6 +174,13 @@ def _exact_distribution(ranks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Sums are counted in half ranks, so that ties too are integers and rounding plays no part; their unevenness is the
     sum of squares about their mean. It does not depend on the order of the conditions, so sums are kept sorted.
     """
+    return _distribution_of(tuple(sorted(map(tuple, np.sort(ranks, axis=1).tolist()))))
+
+
+# Of indices without ties all have the same one.
+@lru_cache(maxsize=64)
+def _distribution_of(rows: tuple[tuple[float, ...], ...]) -> tuple[np.ndarray, np.ndarray]:
+    ranks = np.array(rows)
     n, k = ranks.shape
     if k > MAX_EXACT_CONDITIONS:
         raise PellucidError(

@@ -287,11 +287,12 @@ MIN_SPEED_VARIATION = 1e-9
 
 def smoothness(motion: Kinematics, movement: Movement) -> dict[str, float]:
     """Return SPARC, LDLJ and the normalised jerk of a movement: ``sparc``, ``ldlj`` and ``normalised_jerk``."""
-    velocity = motion.velocity[movement.first : movement.last + 1]
+    velocity, speed = _checked(motion.velocity[movement.first : movement.last + 1])
+    power = _squared_jerk(velocity, motion.fs)
     return {
         "sparc": spectral_arc_length(velocity, motion.fs),
-        "ldlj": log_dimensionless_jerk(velocity, motion.fs),
-        "normalised_jerk": normalised_jerk(velocity, motion.fs),
+        "ldlj": _log_jerk(speed, power, motion.fs),
+        "normalised_jerk": _relative_jerk(speed, power, motion.fs),
     }
 
 
@@ -313,8 +314,12 @@ def spectral_arc_length(velocity: np.ndarray, fs: float, *, highest: float = 10.
 def log_dimensionless_jerk(velocity: np.ndarray, fs: float) -> float:
     """Return the LDLJ of one movement. `velocity` (n,), or (n, d) of a point; `fs` [Hz]."""
     velocity, speed = _checked(velocity)
+    return _log_jerk(speed, _squared_jerk(velocity, fs), fs)
+
+
+def _log_jerk(speed: np.ndarray, power: float, fs: float) -> float:
     duration = (len(speed) - 1) / fs
-    return -float(np.log(duration**3 / np.max(speed) ** 2 * _squared_jerk(velocity, fs)))
+    return -float(np.log(duration**3 / np.max(speed) ** 2 * power))
 
 
 def normalised_jerk(velocity: np.ndarray, fs: float) -> float:
@@ -327,8 +332,12 @@ def normalised_jerk(velocity: np.ndarray, fs: float) -> float:
     `velocity` (n,), or (n, d) of a point; `fs` [Hz].
     """
     velocity, speed = _checked(velocity)
+    return _relative_jerk(speed, _squared_jerk(velocity, fs), fs)
+
+
+def _relative_jerk(speed: np.ndarray, power: float, fs: float) -> float:
     duration, length = (len(speed) - 1) / fs, 0.5 * float(np.sum(speed[1:] + speed[:-1])) / fs
-    return float(np.sqrt(0.5 * _squared_jerk(velocity, fs) * duration**5) / length)
+    return float(np.sqrt(0.5 * power * duration**5) / length)
 
 
 def _squared_jerk(velocity: np.ndarray, fs: float) -> float:

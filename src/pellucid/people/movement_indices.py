@@ -257,7 +257,7 @@ def cell_means(
             sums.setdefault((m.participant, m.condition, m.cell), []).append(value)
     if spread:
         return {key: float(np.std(each, ddof=1)) for key, each in sums.items() if len(each) > 1}
-    return {key: float(np.mean(each)) for key, each in sums.items()}
+    return {key: math.fsum(each) / len(each) for key, each in sums.items()}
 
 
 def shared_cells(

@@ -376,11 +376,14 @@ def _movement(
     travel = direction * (motion.angle[low + last] - motion.angle[low + first])
     later, corrections = slice(main.stop, last + 1), 0
     if main.stop <= last:
-        moves = seen[later] > rule.threshold * top
-        corrections = sum(len(runs(moves & (way * ahead[later] > 0.0))) for way in (1.0, -1.0))
+        ways = np.where(seen[later] > rule.threshold * top, np.sign(ahead[later]), 0.0)
+        begins = ways != 0.0
+        begins[1:] &= ways[1:] != ways[:-1]
+        corrections = int(np.count_nonzero(begins))
     # The braking of a correction backwards is no acceleration of the movement.
     inside = slice(low + first, low + last + 1)
-    accelerations = direction * motion.acceleration[inside][direction * motion.velocity[inside] > 0.0]
+    inwards = motion.velocity[inside] > 0.0 if direction > 0 else motion.velocity[inside] < 0.0
+    accelerations = motion.acceleration[inside][inwards]
     if not len(accelerations):
         return NoMovement(stretch, "direction", "no motion in the direction of its travel", "some")
     return Movement(
@@ -395,7 +398,7 @@ def _movement(
         peak_velocity=top,
         mean_velocity=float(travel / duration),
         peak_time=(peak - first) / (last - first),
-        peak_acceleration=float(accelerations.max()),
+        peak_acceleration=float(accelerations.max() if direction > 0 else -accelerations.min()),
         goal=stretch.goal,
         lasted=duration if settled else duration + rest,
         first_arrival=(main.stop - 1 - first) / motion.fs,

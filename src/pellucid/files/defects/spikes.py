@@ -99,10 +99,12 @@ def find_spikes(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
         return []
     steps = np.diff(x)
     np.abs(steps, out=steps)
-    steps[~np.isfinite(steps)] = 0.0
+    if not np.isfinite(steps).all():
+        steps[~np.isfinite(steps)] = 0.0
     every = max(1, n // 200_000)
     usual, sparse = _high_quantile(steps[::every], 0.99), np.abs(x[::every])
-    large = _high_quantile(sparse[np.isfinite(sparse)], 0.99) if np.isfinite(sparse).any() else 0.0
+    sparse = sparse if np.isfinite(sparse).all() else sparse[np.isfinite(sparse)]
+    large = _high_quantile(sparse, 0.99) if sparse.size else 0.0
     quantum = float(np.min(np.where(steps > 1e-9 * large, steps, np.inf)))
     if not np.isfinite(quantum):
         return []

@@ -39,6 +39,8 @@ def with_own_rows(columns: Columns) -> Columns:
     if len({len(x) for x in numbers.values()}) != 1:
         return columns
     known = {name: np.isfinite(x) for name, x in numbers.items()}
+    if all(mask.all() for mask in known.values()):
+        return columns
     clock = next((n for n, x in numbers.items() if read_name(n).quantity == "time" and known[n].all()), None)
     groups = _groups({name: mask for name, mask in known.items() if name != clock and not mask.all()})
     whole = [name for name, mask in known.items() if name != clock and mask.all()]

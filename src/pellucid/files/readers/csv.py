@@ -632,7 +632,7 @@ def _telling_lines(text: str) -> tuple[list[str], list[str]]:
     """Return the lines of a block that can tell the layout, and some of its middle; all and none of a short block."""
     begin, rest = text[:LABELLED_SAMPLE_BYTES], text[LABELLED_SAMPLE_BYTES:]
     first = begin.splitlines()[:-1]
-    if len(first) < MAX_HEADER_LINES + MAX_SAMPLED_ROWS or any(mark[0] in rest for mark in COMMENT_MARKS):
+    if any(mark[0] in rest for mark in COMMENT_MARKS) or len(data_lines(first)) < MAX_HEADER_LINES + MAX_SAMPLED_ROWS:
         return text.splitlines(), []
     return first, rest[len(rest) // 2 :][:LABELLED_SAMPLE_BYTES].splitlines()[1:21]
 

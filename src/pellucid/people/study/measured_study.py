@@ -126,7 +126,7 @@ def emg_on_motions_clock(
     ]
     if not groups:
         return made, []
-    total, motion = np.column_stack(groups), record.motion(rule)
+    total, motion = np.array(groups).T, record.motion(rule)
     faults: list[Fault] = []
     # The test uses the time of muscle activity itself, without the advance of the index.
     compared = emg_and_motion(made.time - spec.advance, total, motion)
