@@ -8,7 +8,7 @@ from pellucid.models.joint import joint_model
 from pellucid.numerics import motion as long_motion
 from pellucid.numerics.filters import decimate, decimation_memory, lowpass_memory, zero_phase_lowpass
 from pellucid.numerics.motion import Filtering, motion_of, pieces, thinned
-from pellucid.numerics.regression import Stack, stack
+from pellucid.numerics.regression import Stack, regression_rows, stack
 
 FS = 500.0
 FILTERING = Filtering(lowpass=20.0, order=4, decimate=5, dead_band=0.05, trim=100)
@@ -86,3 +86,16 @@ def test_steps_from_a_part_end_where_a_search_on_everything_does(monkeypatch, fa
     if "stribeck" not in model.names:
         noise = np.sqrt(np.mean(expected.residual**2) / np.sum(expected.jacobian**2, axis=0))
         assert np.all(np.abs(found.values - expected.values) < 0.2 * noise)
+
+
+@pytest.mark.parametrize("family", ["symmetric", "combined"])
+def test_some_rows_of_a_regressor_are_those_of_all(monkeypatch, family):
+    time, q, effort = recorded()
+    monkeypatch.setattr(long_motion, "PIECE_SAMPLES", 20_000)
+    data = stack(list(pieces(time, q, effort, FILTERING, fs=FS)))
+    model = joint_model(family, motion="rotary", effort_unit="N*m", gravity="sine")
+    values, kept = np.full(len(model.names), 0.1), np.arange(3, len(data.target), 11)
+    jacobian, effort = regression_rows(model, values, data)
+    some, same = regression_rows(model, values, data, kept)
+    assert np.array_equal(some, jacobian[kept])
+    assert np.array_equal(same, effort)

@@ -8,7 +8,7 @@ from research.evidence._foreign_joint import drawn_joint, recorded, written
 
 import pellucid as pl
 from pellucid.joint.fit.recording_agreement import find_parameter_drift, shares_of_time
-from pellucid.numerics.regression import Solution
+from pellucid.numerics.regression import Solution, Stack
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_a_chirp_tells_no_drift():
 
     def share(speed):
         motion = SimpleNamespace(time=time, states=time[:, None], velocity=speed, recording="a")
-        return shares_of_time([motion])
+        return shares_of_time(Stack((motion,), (time,)))
 
     assert share(np.sin(3.0 * time)) == pytest.approx(time / 10.0 - 0.5)
     assert not share(np.sin(3.0 * time) * (0.2 + time)).any()

@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from .. import _core
+from .friction_terms import CORE_FIELDS
 
 _NAMES: tuple[str, ...] = tuple(_core.PARAMETER_NAMES)
 
@@ -33,6 +34,9 @@ CURVED_TERMS = tuple(
     i for i, name in enumerate(_NAMES) if i not in SMOOTH_TERMS + JUMPING_TERMS and name != "velocity_width"
 )
 """All others: Stribeck's, the load's, and what a new header adds."""
+
+LOADED_TERMS = tuple(i for i in CURVED_TERMS if (by := CORE_FIELDS[_NAMES[i]].resists) is not None and by.load > 0.0)
+"""Those of them by which friction grows with the load, and so depends on the body."""
 
 BODY_TERMS = SMOOTH_TERMS[:4]
 """Those of them that no direction of motion changes."""
@@ -136,21 +140,24 @@ def filtered_rows(
     curved = list(CURVED_TERMS)
     if not (vector[curved].any() or selection[curved].any()):
         return effort, rows
-    # The body and what bends, without what is linear besides: less the body itself, all of it jumps with the velocity.
+    # What bends, with the body on which it depends: less the body itself, all of it jumps with the velocity.
+    loaded = list(LOADED_TERMS)
+    bodies = BODY_TERMS if vector[loaded].any() or selection[loaded].any() else ()
     bent = vector.copy()
-    bent[[i for i in terms if i not in BODY_TERMS]] = 0.0
-    candidates = np.array([*BODY_TERMS, *curved])
+    bent[[i for i in terms if i not in bodies]] = 0.0
+    candidates = np.array([*bodies, *curved])
     active = candidates[selection[candidates].any(axis=1)]
     states = motion.position, _friction_velocity(motion), motion.acceleration
     whole, jacobian = _core.inverse_dynamics_jacobian(bent, *states, active)
     chosen = np.flatnonzero(selection[active].any(axis=0))
     made = np.zeros((len(active), 1 + len(chosen)))
     made[:, 1:] = selection[np.ix_(active, chosen)]
-    less = np.column_stack([bent, selection[:, chosen]])
     jumps = jacobian @ made
-    body = tuple(i for i in BODY_TERMS if less[i].any())
-    jumps -= _body_regressor(motion, body) @ less[list(body)]
-    jumps[:, 0] += whole
+    jumps[:, 0] = whole
+    less = np.column_stack([bent, selection[:, chosen]])
+    body = tuple(i for i in bodies if less[i].any())
+    if body:
+        jumps -= _body_regressor(motion, body) @ less[list(body)]
     added = motion.rows(motion.smooth(_given_way(jumps, motion)))
     rows[:, chosen] += added[:, 1:]
     return effort + added[:, 0], rows

@@ -83,8 +83,16 @@ class Columns:
     @classmethod
     def of(cls, intercept: np.ndarray, regressor: np.ndarray, rows: DrivenRows) -> Columns:
         """Take the columns at the regression rows from full-rate arrays that were filtered like `rows`."""
-        slopes = (np.gradient(x, 1.0 / rows.fs, axis=0)[rows.kept] for x in (intercept, regressor))
-        return cls(intercept[rows.kept], regressor[rows.kept], *slopes)
+        kept, period = rows.kept, 1.0 / rows.fs
+        # The differences of `numpy.gradient`, in these rows alone.
+        after, before = np.minimum(kept + 1, len(intercept) - 1), np.maximum(kept - 1, 0)
+        span = (after - before) * period
+        return cls(
+            intercept[kept],
+            regressor[kept],
+            (intercept[after] - intercept[before]) / span,
+            (regressor[after] - regressor[before]) / span[:, None],
+        )
 
 
 @dataclass(frozen=True)

@@ -217,6 +217,7 @@ def with_friction_direction(motion: Motion, share: float = 1.0, travel: float = 
     filtering = replace(motion.filtering, direction_share=share, presliding_travel=travel)
     slip, direction = friction_signals(motion.raw_position, motion.velocity, motion.fs, filtering)
     made = replace(motion, filtering=filtering, slip_velocity=slip, direction=direction)
+    vars(made)["moving"] = motion.moving  # a regression uses the same rows of both
     share_smooth_regressor(motion, made)
     return made
 

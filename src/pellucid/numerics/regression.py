@@ -218,8 +218,9 @@ def solve(
         else:
             jacobian, target = after.jacobian, after.residual + after.jacobian @ after.values
         weighted = jacobian if weights is None else jacobian * w[:, None]
-        require_full_rank(model.names, weighted, model.label)
-        values = least_squares_within(weighted, target * w, lower, upper)
+        factor = triangular_factor(weighted, target * w)
+        require_full_rank(model.names, weighted, model.label, factor[:, :-1])
+        values = least_squares_within(factor[:, :-1], factor[:, -1], lower, upper)
         residual, iterations, converged = target - jacobian @ values, 1, True
     else:
         first = after.values if after is not None else start
@@ -237,7 +238,8 @@ def solve(
         residual = data.target - effort
     snapped, held = snap_to_bounds(values, lower, upper, jacobian, residual)
     left = residual - jacobian @ (snapped - values)
-    return Solution(snapped, jacobian, left, w, held, iterations, converged, is_exact=not held.any())
+    is_exact = model.linear or not held.any()
+    return Solution(snapped, jacobian, left, w, held, iterations, converged, is_exact)
 
 
 ROWS_AT_ONCE = 1 << 16
@@ -268,7 +270,7 @@ def least_squares_within(w: np.ndarray, y: np.ndarray, lower: np.ndarray, upper:
     .. [1] P. B. Stark, R. L. Parker, "Bounded-variable least-squares: an algorithm and applications", Computational
        Statistics 10, 1995.
     """
-    factor = triangular_factor(w, y)
+    factor = triangular_factor(w, y) if len(w) > w.shape[1] + 1 else np.column_stack([w, y])
     scale = column_norms(factor[:, :-1])
     scale[scale == 0.0] = 1.0
     r, c = factor[:, :-1] / scale, factor[:, -1]
@@ -423,10 +425,12 @@ def snap_to_bounds(
     return np.where(low, lower, np.where(high, upper, values)), low | high
 
 
-def require_full_rank(names: Sequence[str], jacobian: np.ndarray, where: str) -> None:
+def require_full_rank(
+    names: Sequence[str], jacobian: np.ndarray, where: str, factor: np.ndarray | None = None
+) -> None:
     """Refuse a regressor `jacobian`, (m, p), that is singular to working precision, naming the parameters concerned.
 
-    `names` are the parameters. `where` begins the messages.
+    `names` are the parameters. `where` begins the messages. `factor` is the triangular factor, if it is known.
     """
     if len(jacobian) <= jacobian.shape[1]:
         raise IdentificationError(
@@ -440,7 +444,7 @@ def require_full_rank(names: Sequence[str], jacobian: np.ndarray, where: str) ->
             f"{where}: {' and '.join(absent)} cannot be identified: nothing in the recordings excites "
             f"{'it' if len(absent) == 1 else 'them'}; record a motion that does"
         )
-    _, singular, rows = np.linalg.svd(triangular_factor(jacobian) / norms)
+    _, singular, rows = np.linalg.svd((triangular_factor(jacobian) if factor is None else factor) / norms)
     if singular[-1] < 1e-7 * singular[0]:
         tied = [n for n, c in zip(names, rows[-1], strict=True) if abs(c) > 0.2]
         raise IdentificationError(

@@ -164,6 +164,9 @@ class Averaged:
     def velocity(self, rows: np.ndarray) -> np.ndarray:
         """Return the velocity in some samples, the indices `rows` (m,), by central differences; (m,)."""
         last = len(self.position) - 1
+        if rows[0] > 0 and rows[-1] < last and rows[-1] - rows[0] == len(rows) - 1:  # consecutive samples
+            q = self.position[rows[0] - 1 : rows[-1] + 2]
+            return (q[2:] - q[:-2]) / 2 * self.rate
         after, before = np.minimum(rows + 1, last), np.maximum(rows - 1, 0)
         return (self.position[after] - self.position[before]) / (after - before) * self.rate
 
@@ -324,8 +327,11 @@ def _averaged(x: np.ndarray, known: np.ndarray, width: int) -> np.ndarray:
     for _ in range(3):
         made = np.empty(n)
         for rows in _blocks(n):
-            around = np.arange(rows[0] - before, rows[-1] + width - before)
-            sums = np.cumsum(np.concatenate(([0.0], smooth[np.clip(around, 0, n - 1)])))
+            first, stop = rows[0] - before, rows[-1] + width - before
+            around = smooth[max(first, 0) : stop]
+            if first < 0 or stop > n:
+                around = np.pad(around, (max(-first, 0), max(stop - n, 0)), "edge")
+            sums = np.cumsum(np.concatenate(([0.0], around)))
             made[rows] = (sums[width:] - sums[:-width]) / width
         smooth = made
     return smooth

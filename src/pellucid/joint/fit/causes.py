@@ -43,7 +43,7 @@ from ...models.friction_terms import grows_with_load
 from ...models.joint import PARALLEL_STIFFNESS, SYMBOLS_BY_NAME, JointModel
 from ...numerics.block_test import MIN_IMPROVEMENT, SIGNIFICANCE_LEVEL
 from ...numerics.motion import Motion
-from ...numerics.regression import Stack
+from ...numerics.regression import Solution, Stack
 from .discrepancy import COMMON_LOAD_COEFFICIENT, NEGLECTED_EFFECTS, TWISTED_ANGLE
 from .friction_solver import solve_family
 from .joint_estimate import joint_states
@@ -93,8 +93,8 @@ def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpri
     if PARALLEL_STIFFNESS in (*model.names, *model.known):
         return ParallelSpring()
     try:
-        values = solve_family(model, data).values
-        stretches, reported = _stretches(model, data, values, SPRING_SETTINGS.slow_speed_share)
+        found = solve_family(model, data)
+        stretches, reported = _stretches(model, data, found.values, SPRING_SETTINGS.slow_speed_share, found)
     except IdentificationError:
         return ParallelSpring()  # the fit that follows reports the error
     turning = stretches.columns(lambda m: reversal_pulses(m, m.velocity))
@@ -168,22 +168,25 @@ def _needs_spring(stretches: LeftOutColumns, position: Sequence[np.ndarray], few
 
 
 def _stretches(
-    model: JointModel, data: Stack[Motion], values: np.ndarray, slow_speed_share: float
+    model: JointModel, data: Stack[Motion], values: np.ndarray, slow_speed_share: float, found: Solution | None = None
 ) -> tuple[LeftOutStretches, float]:
     """Return the segments of a `model` with `values`, (p,), and load friction, and the mean square error without it.
+
+    `found` is the solution with these values, if there is one.
 
     Load friction shifts inertia and gravity, and so the load, which no additional column can correct.
     """
 
-    def made(each: JointModel, at: np.ndarray) -> LeftOutStretches:
-        return LeftOutStretches(each, data, at, joint_states(each, data, at), slow_speed_share)
+    def made(each: JointModel, at: np.ndarray, own: Solution | None) -> LeftOutStretches:
+        return LeftOutStretches(each, data, at, joint_states(each, data, at), slow_speed_share, own)
 
-    plain = made(model, values)
+    plain = made(model, values, found)
     if any(map(grows_with_load, (*model.names, *model.known))):
         return plain, plain.own_error
     richer = replace(model, symbols=(*model.symbols, SYMBOLS_BY_NAME[COMMON_LOAD_COEFFICIENT]))
     try:
-        return made(richer, solve_family(richer, data).values), plain.own_error
+        more = solve_family(richer, data)
+        return made(richer, more.values, more), plain.own_error
     except IdentificationError:
         return plain, plain.own_error
 

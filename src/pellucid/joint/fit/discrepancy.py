@@ -289,7 +289,24 @@ class NeglectedColumns:
     @cached_property
     def own_errors(self) -> np.ndarray:
         """Squared error of each left-out block by a fit of the model's own columns to the others, (b,)."""
-        return _left_out_errors(self.own, self.target)
+        return self.left_out_errors(np.arange(self.own.shape[1]))
+
+    @cached_property
+    def _block_products(self) -> np.ndarray:
+        """Products of all columns and the target, one after another, in each block, (b, q + c + 1, q + c + 1)."""
+        x = np.column_stack([self.own, self.columns, self.target])
+        return np.array([part.T @ part for part in np.array_split(x, DISCREPANCY_SETTINGS.validation_block_count)])
+
+    def left_out_errors(self, used: np.ndarray) -> np.ndarray:
+        """Return the squared error of each left-out block by a fit of the `used` ones of all columns to the others."""
+        products = self._block_products
+        grams, moments = products[:, used[:, None], used], products[:, used, -1]
+        gram, moment = grams.sum(axis=0), moments.sum(axis=0)
+        errors = products[:, -1, -1].copy()
+        for i, (own, own_moment) in enumerate(zip(grams, moments, strict=True)):
+            fitted = np.linalg.lstsq(gram - own, moment - own_moment, rcond=None)[0]
+            errors[i] += fitted @ (own @ fitted - 2.0 * own_moment)
+        return errors
 
 
 def compared_rows(standstill: np.ndarray) -> np.ndarray:
@@ -529,23 +546,10 @@ def is_cause_validated(lacks: NeglectedColumns, index: int) -> bool:
     """
     if lacks.words[index] == UNEQUAL_LOAD_LOSSES:
         return True
-    wide = np.column_stack([lacks.own, lacks.columns[:, index]])
-    falls = lacks.own_errors - _left_out_errors(wide, lacks.target)
+    count = lacks.own.shape[1]
+    falls = lacks.own_errors - lacks.left_out_errors(np.append(np.arange(count), count + index))
     error = float(falls.std(ddof=1)) / np.sqrt(len(falls))
     return bool(falls.mean() > DISCREPANCY_SETTINGS.min_validation_z * error)
-
-
-def _left_out_errors(columns: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the squared error of each block of a `target`, (m,), by a fit of `columns`, (m, p), to the others."""
-    blocks = np.array_split(np.arange(len(columns)), DISCREPANCY_SETTINGS.validation_block_count)
-    grams = [columns[rows].T @ columns[rows] for rows in blocks]
-    moments = [columns[rows].T @ target[rows] for rows in blocks]
-    gram, moment = sum(grams), sum(moments)
-    errors = np.zeros(len(blocks))
-    for i, rows in enumerate(blocks):
-        fitted = np.linalg.lstsq(gram - grams[i], moment - moments[i], rcond=None)[0]
-        errors[i] = np.sum((target[rows] - columns[rows] @ fitted) ** 2)
-    return errors
 
 
 def excess_covariance(whole: np.ndarray, part: np.ndarray) -> np.ndarray:

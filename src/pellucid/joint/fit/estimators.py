@@ -29,7 +29,7 @@ from ...models.simulate import JointTrace
 from ...numerics.motion import Motion, differentiate, friction_signals
 from ...numerics.regression import Solution, Stack, regression_rows, remember_last_call, snap_to_bounds
 from ...numerics.searches.bounded_least_squares import bounded_least_squares
-from .friction_solver import values_without_blocks
+from .friction_solver import values_without_blocks_of_cuts
 from .replay import Machine, is_bounded, replay
 
 EFFORT_CHANGE_TOLERANCE = 1e-4
@@ -142,7 +142,7 @@ def solve_output_error(model: JointModel, data: Stack[Motion], machine: Machine,
     closed = all(machine.can_close(m) for m in data.motions)
     signal = "effort" if closed else "position"
     measured = [getattr(m, signal) for m in data.motions]
-    size = sum(len(m.reduce(x)) for m, x in zip(data.motions, measured, strict=True))
+    size = sum(len(m.moving) for m in data.motions)
 
     @remember_last_call
     def at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -152,10 +152,13 @@ def solve_output_error(model: JointModel, data: Stack[Motion], machine: Machine,
         if not all(is_bounded(getattr(t, signal)) and is_bounded(d) for t, d in zip(traces, slopes, strict=True)):
             return np.full(size, 1e6), np.zeros((size, len(values)))
         # A simulation covers every sample, including those at rest.
-        off = [m.reduce(getattr(t, signal) - x) for m, t, x in zip(data.motions, traces, measured, strict=True)]
-        residual = np.concatenate(off)
-        jacobian = np.concatenate([m.reduce(d) for m, d in zip(data.motions, slopes, strict=True)])
-        return residual, jacobian
+        reduced = np.concatenate(
+            [
+                m.reduce(np.column_stack([getattr(t, signal) - x, d]))
+                for m, t, d, x in zip(data.motions, traces, slopes, measured, strict=True)
+            ]
+        )
+        return reduced[:, 0], reduced[:, 1:]
 
     lower, upper = model.bounds()
     start = np.clip(first.values, lower + 1e-9, np.where(np.isfinite(upper), upper * (1.0 - 1e-9), upper))
@@ -220,13 +223,13 @@ class SolvedMethod:
     every_row: bool = False  # whether the solution's rows include samples at rest
     instruments: np.ndarray | None = None  # instruments of an instrumental-variable estimate, (m, p)
 
-    def without_blocks(self, data: Stack[Motion], labels: Sequence[np.ndarray]) -> dict[int, np.ndarray]:
-        """Return the parameters, (p,), without each block of `data`.
+    def without_blocks(self, cuts: Sequence[np.ndarray], moving: np.ndarray) -> list[dict[int, np.ndarray]]:
+        """Return the parameters, (p,), without each block of several cuts, by the block's number.
 
-        `labels` are the blocks of the reduced samples, those at rest included, (n_i,) per stretch. The model is
-        linearised at the solution, with the method's own weights and instruments, and stays within its bounds.
+        The cuts are the blocks of all reduced samples, (n,), of which a mask marks those that are `moving`, (n,). The
+        model is linearised at the solution, with the method's own weights and instruments, and stays within its bounds.
         """
-        rows = [x if self.every_row else x[m.moving] for x, m in zip(labels, data.motions, strict=True)]
-        made = values_without_blocks(self.found, np.concatenate(rows), self.instruments)
+        rows = [labels if self.every_row else labels[moving] for labels in cuts]
+        made = values_without_blocks_of_cuts(self.found, rows, self.instruments)
         lower, upper = self.model.bounds()
-        return {block: np.clip(values, lower, upper) for block, values in made.items()}
+        return [{block: np.clip(values, lower, upper) for block, values in each.items()} for each in made]

@@ -83,24 +83,35 @@ def values_without_blocks(
     `labels`, (m,), are the blocks of the solution's rows. The model is linearised at the solution, whose own weights
     and `instruments`, (m, p), are used. Parameters on a bound stay there.
     """
+    return values_without_blocks_of_cuts(found, [labels], instruments)[0]
+
+
+def values_without_blocks_of_cuts(
+    found: Solution, cuts: Sequence[np.ndarray], instruments: np.ndarray | None = None
+) -> list[dict[int, np.ndarray]]:
+    """Return what `values_without_blocks` does for each of several `cuts` into blocks, labels of shape (m,)."""
     free = ~found.at_bound
     jacobian = some_columns(found.jacobian, free)
     scale = np.maximum(column_norms(jacobian), np.finfo(float).tiny)
     instrument = None if instruments is None else some_columns(instruments, free)
-    blocks = dict(rows_of_blocks(labels))
-    grams, moments = [], []
-    for own in blocks.values():  # one block at a time, to save memory
-        weights = found.weights[own, None]
-        w = jacobian[own] / scale * weights
-        z = w if instrument is None else instrument[own] / scale * weights
-        grams.append(z.T @ w)
-        moments.append(z.T @ (found.residual[own] * found.weights[own]))
-    left_out = np.array(grams), np.array(moments)[:, :, None]
-    gram, moment = (each.sum(axis=0) - each for each in left_out)
-    values = np.tile(found.values, (len(blocks), 1))
-    # The systems are small: they are solved in one call.
-    values[:, free] += (np.linalg.pinv(gram, rcond=1e-10) @ moment)[:, :, 0] / scale
-    return dict(zip(blocks, values, strict=True))
+    # The cells between the borders of all cuts give the blocks of every cut. One at a time is scaled, to save memory.
+    borders = np.flatnonzero(np.any([np.diff(labels) != 0 for labels in cuts], axis=0)) + 1
+    edges = [0, *borders.tolist(), len(found.residual)]
+    grams, moments = np.empty((len(edges) - 1, len(scale), len(scale))), np.empty((len(edges) - 1, len(scale)))
+    for i, cell in enumerate(map(slice, edges[:-1], edges[1:])):
+        weights = found.weights[cell, None]
+        w = jacobian[cell] / scale * weights
+        z = w if instrument is None else instrument[cell] / scale * weights
+        grams[i], moments[i] = z.T @ w, z.T @ (found.residual[cell] * found.weights[cell])
+    numbered = [np.unique(labels[edges[:-1]], return_inverse=True) for labels in cuts]
+    kept = np.concatenate([owner != np.arange(len(blocks))[:, None] for blocks, owner in numbered]).astype(float)
+    # The systems are small: those of all cuts are solved in one call.
+    inverses = np.linalg.pinv(np.tensordot(kept, grams, 1), rcond=1e-10)
+    values = np.tile(found.values, (len(kept), 1))
+    values[:, free] += (inverses @ (kept @ moments)[:, :, None])[:, :, 0] / scale
+    ends = np.cumsum([len(blocks) for blocks, _ in numbered])[:-1]
+    parts = zip(numbered, np.split(values, ends), strict=True)
+    return [dict(zip(blocks.tolist(), part, strict=True)) for (blocks, _), part in parts]
 
 
 def residuals_without_blocks(

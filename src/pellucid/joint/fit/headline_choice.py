@@ -149,14 +149,17 @@ def choose_headline(
     simulated_cuts = make_cuts(lengths, CHOICE_SETTINGS.simulation_block_count)
     stretches = make_cuts(lengths, CHOICE_SETTINGS.jackknife_stretch_count)[0]
     weight = SIMULATION_WEIGHTS[purpose] if all(m.command is not None for m in data.motions) else 0.0
-    rows = np.concatenate([x[m.moving] for x, m in zip(stretches, data.motions, strict=True)])
-    places = np.concatenate(stretches)
+    moving, places = np.concatenate([m.moving for m in data.motions]), np.concatenate(stretches)
+    blocks = [np.concatenate(cut) for cut in (*cuts, *simulated_cuts)]
+    rows, row_blocks = places[moving], [labels[moving] for labels in blocks[: len(cuts)]]
     count = int(places.max()) + 1
     losses = np.zeros((2, len(every), count))
     for i, (_, _, each) in enumerate(every):
-        losses[0, i] = np.bincount(rows, _effort_loss(each, data, cuts), count)
+        without = each.without_blocks(blocks, moving)
+        losses[0, i] = np.bincount(rows, _effort_loss(each, data, row_blocks, without[: len(cuts)]), count)
         if weight > 0.0:
-            losses[1, i] = np.bincount(places, _position_loss(each, data, simulated_cuts, machine), count)
+            loss = _position_loss(each, data, simulated_cuts, without[len(cuts) :], machine)
+            losses[1, i] = np.bincount(places, loss, count)
     named = [(family, method, len(solved[family]["ls"].model.symbols)) for family, method, _ in every]
     counts = np.array([len(rows), len(places)])
     return decide(named, losses[: 2 if weight > 0.0 else 1], counts, purpose, min_improvement)
@@ -251,8 +254,16 @@ def make_cuts(lengths: Sequence[int], count: int) -> list[list[np.ndarray]]:
     return cuts
 
 
-def _effort_loss(solved: SolvedMethod, data: Stack[Motion], cuts: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
-    """Return the cross-validated squared error of the effort in each row, (m,), averaged over cuts."""
+def _effort_loss(
+    solved: SolvedMethod,
+    data: Stack[Motion],
+    blocks: Sequence[np.ndarray],
+    without: Sequence[dict[int, np.ndarray]],
+) -> np.ndarray:
+    """Return the cross-validated squared error of the effort in each row, (m,), averaged over cuts.
+
+    A cut has the block of each row, (m,), and the values `without` each block.
+    """
     values = solved.found.values
     if solved.found.is_exact:
         jacobian, residual = solved.found.jacobian, solved.found.residual
@@ -260,26 +271,27 @@ def _effort_loss(solved: SolvedMethod, data: Stack[Motion], cuts: Sequence[Seque
         jacobian, effort = regression_rows(solved.model, values, data)
         residual = data.target - effort
     loss = np.zeros(len(residual))
-    for labels in cuts:
-        without = solved.without_blocks(data, labels)
-        rows = np.concatenate([x[m.moving] for x, m in zip(labels, data.motions, strict=True)])
-        loss += residuals_without_blocks(residual, jacobian, values, without, rows) ** 2
-    return loss / len(cuts)
+    for labels, others in zip(blocks, without, strict=True):
+        loss += residuals_without_blocks(residual, jacobian, values, others, labels) ** 2
+    return loss / len(blocks)
 
 
 def _position_loss(
-    solved: SolvedMethod, data: Stack[Motion], cuts: Sequence[Sequence[np.ndarray]], machine: Machine
+    solved: SolvedMethod,
+    data: Stack[Motion],
+    cuts: Sequence[Sequence[np.ndarray]],
+    without: Sequence[dict[int, np.ndarray]],
+    machine: Machine,
 ) -> np.ndarray:
     """Return the cross-validated squared error of the simulated position, (m,), averaged over cuts.
 
-    Every reduced sample counts, those at rest included. Where a simulation leaves the range of motion, its error counts
-    as that range.
+    A cut has the block of each reduced sample, (n_i,) per stretch, and the values `without` each block. Samples at rest
+    count too. Where a simulation leaves the range of motion, its error counts as that range.
     """
     total = np.zeros(sum(len(m.moving) for m in data.motions))
-    for labels in cuts:
-        without = solved.without_blocks(data, labels)
+    for labels, others in zip(cuts, without, strict=True):
         losses = [
-            np.square(simulated_errors(solved, without, motion, own, machine))
+            np.square(simulated_errors(solved, others, motion, own, machine))
             for motion, own in zip(data.motions, labels, strict=True)
         ]
         total += np.concatenate(losses)

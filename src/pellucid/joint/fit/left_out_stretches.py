@@ -11,7 +11,7 @@ from ...models.friction_terms import is_friction
 from ...models.joint import PARALLEL_STIFFNESS, JointModel
 from ...numerics.block_test import compare_held_out
 from ...numerics.motion import SLOW_SHARE, Motion
-from ...numerics.regression import Stack, regression_rows
+from ...numerics.regression import Solution, Stack, regression_rows
 from ...numerics.uncertainty import correlation_time
 from .discrepancy import NEGLECTED_EFFECTS, TWISTED_ANGLE, UNEQUAL_LOAD_LOSSES, States
 from .friction_solver import block_labels, rows_of_blocks
@@ -223,16 +223,26 @@ class LeftOutStretches(LeftOutColumns):
     """
 
     def __init__(
-        self, model: JointModel, data: Stack[Motion], values: np.ndarray, states: States, slow_speed_share: float
+        self,
+        model: JointModel,
+        data: Stack[Motion],
+        values: np.ndarray,
+        states: States,
+        slow_speed_share: float,
+        found: Solution | None = None,
     ) -> None:
+        """Take the attributes, and the solution `found` whose values these are, if there is one."""
         rows = counted_rows(_share_of_slow_samples(data, slow_speed_share) < SLOW_SHARE)
-        own, effort = regression_rows(model, values, data, rows)
+        if found is not None and found.is_exact:
+            own, effort = found.jacobian[rows], data.target - found.residual
+        else:
+            own, effort = regression_rows(model, values, data, rows)
         self.model, self.data, self.values = model, data, values
         super().__init__(
             own, data.target, effort, states,
             jacobian=lambda: regression_rows(model, values, data)[0],
             friction=np.array([is_friction(name) for name in model.names], bool),
-            time=shares_of_time(data.motions),
+            time=shares_of_time(data),
             labels=segments_of(data.lengths),
             rows=rows,
             effort_unit=model.effort_unit,

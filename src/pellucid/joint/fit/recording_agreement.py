@@ -211,7 +211,7 @@ def find_parameter_drift(
     if len(residual) < 2 * MIN_ROWS_PER_PARAMETER * max(p, 1) or not np.any(residual):
         return None
     w = w[:, free]
-    both = np.hstack([w, w * shares_of_time(data.motions)[kept, None]])
+    both = np.hstack([w, w * shares_of_time(data)[kept, None]])
     scale = np.linalg.norm(both, axis=0)
     if not np.all(scale > 0.0):
         return None
@@ -248,17 +248,21 @@ MAX_HALVES_RATIO = 1.5
 """RMS speeds of the halves of a recording have at most this ratio, where a drift is to be told from them."""
 
 
-def shares_of_time(motions: Sequence[Motion]) -> np.ndarray:
-    """Return the time of all motions' rows from -1/2 at the start of their recording to 1/2 at its end, (m,).
+def shares_of_time(data: Stack[Motion]) -> np.ndarray:
+    """Return the time of all rows from -1/2 at the start of their recording to 1/2 at its end, (m,).
 
     It is 0 throughout a recording whose speeds change along it; see `centred_time`.
     """
+    known, motions = vars(data), data.motions
 
     def span_of(name: str) -> tuple[float, float] | None:
         return steady_span(lambda: ((m.time, m.velocity) for m in motions if m.recording == name))
 
-    spans = {name: span_of(name) for name in {m.recording for m in motions}}
-    return np.concatenate([centred_time(m.states[:, 0], spans[m.recording]) for m in motions])
+    if "_shares_of_time" not in known:  # computed once, because no model of these recordings changes it
+        spans = {name: span_of(name) for name in {m.recording for m in motions}}
+        shares = [centred_time(m.states[:, 0], spans[m.recording]) for m in motions]
+        known["_shares_of_time"] = np.concatenate(shares)
+    return known["_shares_of_time"]
 
 
 def steady_span(parts: Callable[[], Iterable[tuple[np.ndarray, np.ndarray]]]) -> tuple[float, float] | None:

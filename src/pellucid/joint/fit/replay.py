@@ -338,7 +338,7 @@ def make_predictive_band(
     before = np.cumsum([0, *(-(-n // block) for n in lengths)])
     blocks = np.concatenate([first + np.arange(n) // block for first, n in zip(before, lengths, strict=False)])
     order = np.argsort(size)  # sorted once: the errors without one block are sorted too
-    ordered, owned = size[order], blocks[order]
+    ordered, owned = size[order], blocks[order].astype(np.uint16)  # few and short numbers are sorted fastest
     grouped = np.argsort(owned, kind="stable")  # places of each block among the sorted errors, in order
     ends = np.searchsorted(owned[grouped], np.arange(blocks.max() + 2))
     worth = len(size) / max(2.0 * time, 1.0)

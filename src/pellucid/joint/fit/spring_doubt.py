@@ -69,7 +69,7 @@ def find_spring_doubt(model: JointModel, data: Stack[Motion], found: Solution, s
     if "gravity" not in names or PARALLEL_STIFFNESS in model.known:
         return None
     gravity = abs(float(found.values[names.index("gravity")]))
-    stretches = LeftOutStretches(model, data, found.values, states, SPRING_SETTINGS.slow_speed_share)
+    stretches = LeftOutStretches(model, data, found.values, states, SPRING_SETTINGS.slow_speed_share, found)
     told = stretches.spring()
     del stretches  # its regressors are large
     if told is None:
