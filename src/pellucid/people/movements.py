@@ -308,8 +308,10 @@ def movements(
     """The movement in each stretch."""
     found: list[Movement] = []
     left_out: list[NoMovement] = []
-    for stretch, following in zip_longest(stretches, stretches[1:]):
-        outcome = _movement(motion, stretch, following, rule)
+    edges = np.array([(stretch.begin, stretch.end) for stretch in stretches]).reshape(-1, 2)
+    parts = np.searchsorted(motion.time, edges - 1e-9).tolist()
+    for (low, high), stretch, following in zip_longest(parts, stretches, stretches[1:]):
+        outcome = _movement(motion, low, high, stretch, following, rule)
         if isinstance(outcome, NoMovement):
             left_out.append(_told_of_loss(motion, outcome))
         else:
@@ -318,10 +320,9 @@ def movements(
 
 
 def _movement(
-    motion: Kinematics, stretch: Stretch, following: Stretch | None, rule: MovementRule
+    motion: Kinematics, low: int, high: int, stretch: Stretch, following: Stretch | None, rule: MovementRule
 ) -> Movement | NoMovement:
-    """The movement in a stretch, of which `following` is the next one."""
-    low, high = np.searchsorted(motion.time, (stretch.begin - 1e-9, stretch.end - 1e-9))
+    """The movement in a stretch, the samples [low, high), of which `following` is the next one."""
     least = MOVEMENT_BOUNDS.min_movement_samples
     if high - low < least:
         return NoMovement(stretch, "too_few_samples", f"{high - low} samples", f"at least {least}")
@@ -332,7 +333,7 @@ def _movement(
         along = COORDINATES_BY_UNIT[motion.unit]
         moved = f"{along.factor * direction * went:.3g} {along.shown} towards the target"
         return NoMovement(stretch, kind, moved, f"{along.factor * abs(stretch.amplitude):.3g} {along.shown}")
-    low, high = _own_samples(motion, int(low), int(high), direction, following, rule)
+    low, high = _own_samples(motion, low, high, direction, following, rule)
     velocity = motion.velocity[low:high]
     speed = tangential_speed(velocity)
     peak = int(speed.argmax()) if len(speed) else 0
@@ -543,8 +544,9 @@ def segment_angle(optical: OpticalRecording, proximal: str, distal: str) -> np.n
         raise NoAngle(f"{where}: found no frame that saw both, expected most")
     if np.median(length[seen]) < 1e-3:
         raise RecordingError(f"{where}: found them {1e3 * np.median(length[seen]):.2g} mm apart, expected a segment")
-    direction = line / length[:, None]
-    mean = direction[seen].mean(axis=0)
+    whole = seen.all()
+    direction = line / length[:, None] if whole else line[seen] / length[seen, None]
+    mean = direction.mean(axis=0)
     level = mean - (mean @ optical.down) * optical.down
     share = float(np.linalg.norm(level))
     if share < MIN_HORIZONTAL_SHARE:
@@ -552,6 +554,9 @@ def segment_angle(optical: OpticalRecording, proximal: str, distal: str) -> np.n
             f"{where}: found a segment that points {100 * share:.2g} % to a side on average, expected at least "
             f"{100 * MIN_HORIZONTAL_SHARE:.0f} %: without a side its angle has no sign"
         )
+    found = np.unwrap(np.arctan2(direction @ (level / share), direction @ optical.down))
+    if whole:
+        return found
     angle = np.full(len(length), np.nan)
-    angle[seen] = np.unwrap(np.arctan2(direction[seen] @ (level / share), direction[seen] @ optical.down))
+    angle[seen] = found
     return angle

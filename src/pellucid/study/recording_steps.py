@@ -652,9 +652,10 @@ def _to_si(stored: np.ndarray, spec: ChannelSpec, less: np.ndarray | None = None
     values = _decode_counts(stored, spec)
     # Each pass over a recording of hours takes long, so steps without an effect are skipped.
     if spec.sign * spec.scale != 1.0:
-        values *= spec.sign * spec.scale
+        values = values * (spec.sign * spec.scale)
     if less is not None:
         values = values - spec.sign * (spec.minus.scale or spec.scale) * _decode_counts(less, spec)
+    values = np.array(values) if values is stored else values
     if spec.offset:
         values += spec.offset
     if spec.si_factor != 1.0:
@@ -669,7 +670,14 @@ def _to_si(stored: np.ndarray, spec: ChannelSpec, less: np.ndarray | None = None
 
 
 def _decode_counts(stored: np.ndarray, spec: ChannelSpec) -> np.ndarray:
-    """Return stored numbers with their sign, without jumps of a rolling count, and with missing samples as NaN."""
+    """Return stored numbers with their sign, without jumps of a rolling count, and with missing samples as NaN.
+
+    Numbers of which none changes are the given ones.
+    """
+    if not isinstance(spec.missing, float) and all(
+        each is None for each in (spec.signed_bits, spec.sign_bit, spec.wrap_bits)
+    ):
+        return stored
     values = np.array(stored, dtype=np.float64)
     if isinstance(spec.missing, float):
         values[values == spec.missing] = np.nan

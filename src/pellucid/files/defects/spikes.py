@@ -102,7 +102,10 @@ def find_spikes(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
     if not np.isfinite(steps).all():
         steps[~np.isfinite(steps)] = 0.0
     every = max(1, n // 200_000)
-    usual, sparse = _high_quantile(steps[::every], 0.99), np.abs(x[::every])
+    usual = _high_quantile(steps[::every], 0.99)
+    if not (steps > 3.0 * usual).any():
+        return []
+    sparse = np.abs(x[::every])
     sparse = sparse if np.isfinite(sparse).all() else sparse[np.isfinite(sparse)]
     large = _high_quantile(sparse, 0.99) if sparse.size else 0.0
     quantum = float(np.min(np.where(steps > 1e-9 * large, steps, np.inf)))
