@@ -5,7 +5,8 @@
 // friction it is less or more by a factor, far more is a wrong gain. A joint whose weight rests on its friction may move
 // in the other half alone. That half then decides: with the wrong polarity it cannot return more than the first half
 // took. The test waits for rest, without effort, for as long as that takes. A wearer who trembles may do part of the work:
-// a gain is wrong if two waves say so, one after the other.
+// a gain is wrong if two waves say so, one after the other. The law takes over from a joint that has had time to come to
+// rest again: one that the wave still moves would meet the law's first effort as a kick.
 #pragma once
 
 #include "fields.hpp"
@@ -25,7 +26,7 @@ template <class S> struct StartUpTestParams {
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.effort, {"test_effort", unit::effort, at_least(0), "A of the wave; 0: no test at start-up"});
     visit(p.samples, {"test_samples", unit::one, between(8, 200), "duration of half a wave, in periods"});
-    visit(p.rest, {"test_rest", unit::one, at_least(0), "periods of rest in a row before it"});
+    visit(p.rest, {"test_rest", unit::one, at_least(0), "periods of rest in a row before it, and of waiting after it"});
     visit(p.least, {"test_least", unit::energy, any_number(), "least work by its middle that is the right polarity"});
     visit(p.most, {"test_most", unit::energy, above(0).or_infinite(), "largest that is the right gain"});
   }
@@ -88,7 +89,9 @@ template <class S> S step(const StartUpTestCoefficients<S>& c, StartUpTestState<
   // the joint to rest.
   const bool again = s.waves + 1 < start_up_waves && s.middle > c.params.most;
   const bool wrong = !(s.middle >= c.params.least && s.middle <= c.params.most) && !hardly_moved(c.params, s) && !again;
-  done = s.count >= 2 * c.params.samples || (s.count == c.params.samples && wrong);
+  const bool over = s.count >= 2 * c.params.samples;
+  const bool waits = s.count - 2 * c.params.samples < c.params.rest && shown(c.params, s) == SafetyFault::none;
+  done = (over && !waits) || (s.count == c.params.samples && wrong);
   if (done && s.waves + 1 < start_up_waves && shown(c.params, s) == SafetyFault::gain) {
     const std::uint32_t waves = s.waves + 1;
     s = {};
@@ -100,7 +103,7 @@ template <class S> S step(const StartUpTestCoefficients<S>& c, StartUpTestState<
   const S sine = s.sine * c.turn_cosine + s.cosine * c.turn_sine;
   s.cosine = s.cosine * c.turn_cosine - s.sine * c.turn_sine;
   s.sine = sine;
-  s.pushed = done ? S(0) : c.params.effort * sine;
+  s.pushed = over || done ? S(0) : c.params.effort * sine;
   return s.pushed;
 }
 

@@ -57,7 +57,10 @@ template <class S> void shape() {
       check(!done, "not before its end");
     }
     check(std::fabs(s.middle) > S(0.01) && std::fabs(s.middle - S(0.5) * s.work) < S(1e-3), "half of it by the middle");
-    check(p::step(c, s, S(0.001), S(0), S(0.25), done) == S(0) && done, "then it ends, without effort");
+    for (int k = 0; k < 5; ++k)
+      check(p::step(c, s, S(0.001), S(9), S(0.25), done) == S(0) && !done, "then it waits, without effort");
+    const S worked = s.work;
+    check(p::step(c, s, S(0.001), S(9), S(0.25), done) == S(0) && done && s.work == worked, "then it ends");
   }
 }
 
@@ -101,9 +104,9 @@ template <class S> void ends_early() {
     return k;
   };
   // Half a wave of 2 sin: 0.001 x answer x 4 x 16 / 2 = 0.032 answer [J].
-  check(periods(0.01, 0.1, 1) == 33, "right work goes on to the end");
+  check(periods(0.01, 0.1, 1) == 33 + 5, "right work goes on to the end, and waits");
   check(periods(0.01, 0.03, 1) == 33 + 5 + 17, "too much ends in the middle, of the second wave");
-  check(periods(0.01, 0.04, 1, 33) == 33 + 5 + 33, "a wave of a wearer who trembles");
+  check(periods(0.01, 0.04, 1, 33) == 33 + 5 + 33 + 5, "a wave of a wearer who trembles");
   check(periods(0.01, 0.1, -1) == 17, "and so does the wrong way, at once");
   check(periods(0.05, 0.1, 1) == 33, "a joint that hardly moved has its second half");
   check(periods(0.05, 0.1, -1) == 33, "whichever way");
