@@ -1115,7 +1115,7 @@ void start_up() {
     before = rig.out.effort;
     most = std::fmax(most, rig.out.effort), least = std::fmin(least, rig.out.effort);
   }
-  check(k == 33 && rig.mode() == M::running && rig.fault() == F::none, "then it runs");
+  check(k == 33 + 5 && rig.mode() == M::running && rig.fault() == F::none, "then it runs");
   check(most > 1.9 && least < -1.9, "up and down");
   check(rig.state().body.lasting == 0 && rig.state().budget.spent == 0 && rig.state().ringing.size == 0, "from the beginning");
   check(rig.law.controller.state.gate.output == rig.out.effort, "and from the wave's end");
