@@ -256,7 +256,7 @@ struct Nearest {
     if (pellucid::mode_of(s) == pellucid::Mode::start_up) return;
     const auto& body = s.body;
     lasting = std::max(lasting, std::fabs(body.lasting) - body.open);
-    push = std::max(push, std::fabs(body.residual) - body.level);
+    push = std::max(push, std::fabs(body.push) - body.level);
     contradiction = std::max(contradiction, std::fabs(body.contradiction) - body.open);
     burst = std::max(burst, std::fabs(body.burst) - body.level);
     excess = std::max(excess, body.excess);

@@ -4,7 +4,8 @@
 //
 // An observer of the generalised momentum (A. De Luca, R. Mattone, ICRA 2005): it needs the velocity, no acceleration.
 // At rest friction may be anything up to its level, and so may r; in motion it is known but for a share. A fault is only
-// what lies beyond.
+// what lies beyond. Beyond the law's range of positions an end stop may hold the joint back, with whatever r or the force
+// sensor would need.
 #pragma once
 
 #include "friction.hpp"
@@ -57,6 +58,8 @@ template <class S> struct BodyResidualCoefficients {
   S inverse_width{};               ///< [s/rad]
   S following{};                   ///< share of a new force in what is as late as the residual [1]
   S smoothing{};                   ///< share of a new residual in what lasts [1]
+  S lowest = -S(std::numeric_limits<S>::infinity());  ///< position below which an end stop may push up [rad]
+  S highest = S(std::numeric_limits<S>::infinity());  ///< position above which one may push down [rad]
   bool checks = false;             ///< whether there is a model
   bool valid = false;              ///< whether the parameters make sense
 };
@@ -77,15 +80,19 @@ BodyResidualCoefficients<S> coefficients(const BodyResidualParams<S>& p, const S
 template <class S> struct BodyResidualState {
   S momentum{};          ///< p [N m s]
   S residual{};          ///< r [N m]
+  S stop{};              ///< the part of r that an end stop may give [N m]
+  S stop_beside_felt{};  ///< the same of r less what the force sensor says [N m]
+  S push{};              ///< r without a stop's part [N m]
   S lasting{};           ///< its slow part [N m]
   S felt{};              ///< what the force sensor says, as late as r [N m]
-  S burst{};             ///< r less that [N m]
+  S burst{};             ///< r less that, without a stop's part [N m]
   S contradiction{};     ///< its slow part [N m]
   S excess{};            ///< by how much the sensor is too loud, over seconds [N m]
   S level{};             ///< friction at most, at rest under this load [N m]
   S drag{};              ///< friction at most, at this speed under this load [N m]
   S open{};              ///< slow part of the friction that is not known [N m]
   S weight{};            ///< gravity effort, now [N m]
+  bool at_stop = false;  ///< whether an end stop may push the joint
   bool started = false;  ///< false until the first sample
 };
 
@@ -109,20 +116,27 @@ template <class S> void step(const BodyResidualCoefficients<S>& c, BodyResidualS
   }
   s.momentum = s.momentum + c.period * (effort - s.weight - resisted + s.residual);
   s.residual = p.bandwidth * (p.inertia * velocity - s.momentum);
-  s.lasting = s.lasting + c.smoothing * (s.residual - s.lasting);
-  s.open = s.open + c.smoothing * (s.level * (S(1) - S(known_friction) * abs(direction)) - s.open);
   s.felt = s.felt + c.following * ((sensed ? felt : S(0)) - s.felt);
   s.burst = sensed ? s.residual - s.felt : S(0);
+  // A stop's effort fades from the residual as fast as any other.
+  const S inwards = position > c.highest ? S(-1) : position < c.lowest ? S(1) : S(0);
+  s.at_stop = inwards != S(0);
+  s.stop = inwards * s.residual > S(0) ? s.residual : s.stop - c.following * s.stop;
+  s.stop_beside_felt = inwards * s.burst > S(0) ? s.burst : s.stop_beside_felt - c.following * s.stop_beside_felt;
+  s.burst = s.burst - s.stop_beside_felt;
+  s.push = s.residual - s.stop;
+  s.lasting = s.lasting + c.smoothing * (s.push - s.lasting);
+  s.open = s.open + c.smoothing * (s.level * (S(1) - S(known_friction) * abs(direction)) - s.open);
   s.contradiction = s.contradiction + c.smoothing * (s.burst - s.contradiction);
-  const S loud = sensed ? abs(s.felt) - S(louder) * abs(s.residual) : S(0);
+  const S loud = sensed ? abs(s.felt) - S(louder) * abs(s.residual - s.stop_beside_felt) : S(0);
   s.excess = s.excess + S(louder_slow) * c.smoothing * (loud - s.excess);
-  if (!is_finite(s.momentum + s.residual + s.lasting + s.contradiction + s.felt + s.excess)) s = {};
+  if (!is_finite(s.momentum + s.residual + s.lasting + s.contradiction + s.felt + s.excess + s.stop + s.stop_beside_felt)) s = {};
 }
 
 /// Fault that the residual shows, if any: `force_sensor` where that sensor alone contradicts it.
 template <class S> SafetyFault shown(const BodyResidualCoefficients<S>& c, const BodyResidualState<S>& s) noexcept {
   const BodyResidualParams<S>& p = c.params;
-  if (!(abs(s.lasting) <= p.wearer_torque + s.open) || !(abs(s.residual) <= p.wearer_push + s.level))
+  if (!(abs(s.lasting) <= p.wearer_torque + s.open) || !(abs(s.push) <= p.wearer_push + s.level))
     return SafetyFault::unexplained;
   const bool agrees = abs(s.contradiction) <= p.force_tolerance + s.open && abs(s.burst) <= p.force_burst + s.level &&
                       s.excess <= p.force_excess;

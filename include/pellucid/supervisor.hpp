@@ -126,6 +126,8 @@ SupervisorCoefficients<S> coefficients(const SupervisorParams<S>& p, const Safet
   c.params = p;
   c.encoder = coefficients(p.encoder, gate.params.period);
   c.body = coefficients(p.body, S(2) * gate.params.period);
+  c.body.lowest = gate.params.position_min;
+  c.body.highest = gate.params.position_max;
   c.ringing = coefficients(p.ringing, S(4) * gate.params.period);
   c.shaking = coefficients(p.shaking, S(2) * gate.params.period);
   c.test = coefficients(p.test);

@@ -153,7 +153,7 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
            {"joint_silence", unit::one, W::above, F::disagreement, "periods without the second encoder"}},
       Show{s.body.lasting, where(w.c.body.checks && carries, p.body.wearer_torque + s.body.open),
            {"residual_lasting", unit::effort, W::size, F::unexplained, "lasting effort that model and command do not explain"}},
-      Show{s.body.residual, where(w.c.body.checks && carries, p.body.wearer_push + s.body.level),
+      Show{s.body.push, where(w.c.body.checks && carries, p.body.wearer_push + s.body.level),
            {"residual_push", unit::effort, W::size, F::unexplained, "effort at once that model and command do not explain"}},
       Show{s.body.contradiction, where(w.c.body.checks && force, p.body.force_tolerance + s.body.open),
            {"force_contradiction", unit::effort, W::size, F::force_sensor, "lasting difference of force sensor and model"}},

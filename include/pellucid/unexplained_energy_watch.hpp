@@ -8,7 +8,8 @@
 // Ryu, IEEE Transactions on Robotics and Automation 18(1), 2002) on what the drive does beside its command. A wrong
 // inertia or weight of the model lends energy and takes it back, so that a limit of E covers it whatever the motion.
 // Friction is counted as far as the model is sure of it, and errors of the sensor as far as they are stated, so that none
-// of them adds to E. Somebody who pushes the robot beside its sensor adds to E, too.
+// of them adds to E. Somebody who pushes the robot beside its sensor adds to E, too. An end stop returns what it was given:
+// beyond the law's range of positions E only falls.
 //
 // Inertia and motion are squared and compared as they are, not through the momentum observer: what its lag of 25 ms adds
 // to a healthy joint's E is more than twice as much.
@@ -68,7 +69,8 @@ SafetyFault step(const UnexplainedEnergyCoefficients<S>& c, UnexplainedEnergySta
   const S gained = s.started ? kinetic - s.kinetic : S(0);
   const S power = (body.weight - effort - felt) * velocity + (S(known_friction) * friction - accuracy) * speed;
   const S energy = c.keeping * s.energy + gained + c.period * power;
-  s.energy = is_finite(energy + kinetic) ? max(energy, S(0)) : S(std::numeric_limits<S>::infinity());
+  const S counted = body.at_stop ? min(energy, s.energy) : energy;
+  s.energy = is_finite(energy + kinetic) ? max(counted, S(0)) : S(std::numeric_limits<S>::infinity());
   s.kinetic = kinetic;
   s.started = true;
   return s.energy <= c.params.limit ? SafetyFault::none : SafetyFault::unexplained_energy;

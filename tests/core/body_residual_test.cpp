@@ -105,6 +105,40 @@ template <class S> void follows() {
   }
 }
 
+/// An end stop beyond the range may hold the joint against whatever moves it there: it contradicts no force sensor, and no
+/// wearer pushes that hard. What pushes the joint further is judged, and so is everything within the range, where the stop's
+/// part fades as it does from the residual.
+template <class S> void stops() {
+  auto params = body<S>();
+  params.gravity_sine = params.gravity_cosine = params.offset = S(0);
+  params.coulomb = params.load = params.viscous = params.square_root = S(0);
+  auto c = p::coefficients(params, S(0.002));
+  c.lowest = S(-1);
+  c.highest = S(2);
+  for (const S way : {S(-1), S(1)}) {
+    const S beyond = way > S(0) ? S(2.125) : S(-1.125), within = way > S(0) ? S(2) : S(-1);
+    p::BodyResidualState<S> s;
+    const auto go_on = [&](int periods, S position, S effort, S felt, bool sensed) {
+      for (int k = 0; k < periods; ++k) p::step(c, s, position, S(0), way * effort, way * felt, sensed);
+    };
+    go_on(200, beyond, S(3), S(12), true);
+    check(s.at_stop && std::fabs(s.residual + way * S(3)) < S(1e-3), "the stop holds effort and wearer");
+    check(s.push == S(0) && s.burst == S(0) && s.lasting == S(0) && s.contradiction == S(0), "neither is contradicted");
+    check(s.excess < S(0), "nor is the sensor too loud");
+    go_on(100, within, S(0), S(0), true);
+    check(!s.at_stop && std::fabs(s.push) < S(0.01) && std::fabs(s.burst) < S(0.01), "what is over leaves nothing");
+    check(std::fabs(s.contradiction) < S(0.01) && std::fabs(s.lasting) < S(0.01), "not even slowly");
+    go_on(200, within, S(3), S(12), true);
+    check(std::fabs(s.push + way * S(3)) < S(0.01) && std::fabs(s.burst + way * S(15)) < S(0.01), "within the range both are");
+    s = {};
+    go_on(200, beyond, S(-3), S(0), true);
+    check(std::fabs(s.push - way * S(3)) < S(0.01) && std::fabs(s.burst - way * S(3)) < S(0.01), "no stop pushes outwards");
+    s = {};
+    go_on(200, beyond, S(3), S(0), false);
+    check(s.push == S(0) && s.burst == S(0) && s.stop_beside_felt == S(0), "without a sensor");
+  }
+}
+
 template <class S> void thresholds() {
   auto params = body<S>();
   params.wearer_torque = S(1);
@@ -132,7 +166,7 @@ template <class S> void thresholds() {
     check(p::shown(c, s) == fault, "no number is beyond");
   };
   limit(&State::lasting, S(1.125), F::unexplained, false);
-  limit(&State::residual, S(4.375), F::unexplained, false);
+  limit(&State::push, S(4.375), F::unexplained, false);
   limit(&State::contradiction, S(0.625), F::force_sensor, false);
   limit(&State::burst, S(2.375), F::force_sensor, false);
   limit(&State::excess, S(0.25), F::force_sensor, true);
@@ -153,6 +187,7 @@ template <class S> void all(double tolerance) {
   parameters<S>();
   equations<S>(tolerance);
   follows<S>();
+  stops<S>();
   thresholds<S>();
   nonsense<S>();
 }

@@ -164,7 +164,7 @@ void drives() {
 
 void people_and_sensors() {
   Made m;
-  m.s.body.lasting = -1, m.s.body.open = 0.5, m.s.body.residual = 3, m.s.body.level = 0.25;
+  m.s.body.lasting = -1, m.s.body.open = 0.5, m.s.body.push = 3, m.s.body.level = 0.25;
   shows(m, "residual_lasting", -1, 2.5);
   shows(m, "residual_push", 3, 4.25);
   for (const char* name : {"residual_lasting", "residual_push"}) {

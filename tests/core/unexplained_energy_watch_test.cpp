@@ -54,6 +54,19 @@ template <class S> void terms() {
       b.step(way * S(-2), S(0), S(0));
       check(b.s.energy == S(0), "and what slows down gives it back");
     }
+    {
+      Balance<S> b;
+      b.step(way * S(4), S(0), S(0));
+      b.s.energy = S(2);
+      b.body.at_stop = true;
+      b.step(way * S(2), S(0), S(0));
+      check(b.s.energy == S(0), "a stop takes energy");
+      b.step(way * S(-4), S(0), S(0));
+      check(b.s.energy == S(0) && b.s.kinetic == S(4), "and returns it");
+      b.body.at_stop = false;
+      b.step(way * S(-5), S(0), S(0));
+      check(b.s.energy == S(2.25), "what comes after it is counted");
+    }
     const auto power = [&](S weight, S effort, S felt, S gain = S(0), S offset = S(0)) {
       Balance<S> b;
       b.params.gain = gain;
