@@ -8,8 +8,8 @@
 //   x' = v - l x
 //
 // turns where it has come back by a share of the limit. The ways between its last turns, each within a time, and the way
-// since then are compared: the smallest of the last `shaking_ways` has a limit, and a lower one if more were as quick. Ways
-// that become smaller by more than a share die out by themselves.
+// since then are compared: the smallest of the last `shaking_ways` has a limit, and a higher one if there are fewer. A way
+// is no longer than the joint itself went that way: x also comes back to 0 after a single reach, while the joint rests.
 #pragma once
 
 #include "fields.hpp"
@@ -18,15 +18,13 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// Ways to and fro in a row that count as shaking: what a blow leaves makes three.
+/// Ways to and fro in a row that count as shaking.
 constexpr std::uint32_t shaking_ways = 4;
-/// Share of the largest of these ways below which the smallest dies out.
-constexpr double shaking_even_share = 0.3;
-/// Ways in a row that count as shaking from a share of the limit on: of a wearer who holds against it.
-constexpr std::uint32_t shaking_long_ways = 6;
-constexpr double shaking_long_share = 0.5;
+/// Ways in a row that count as shaking if each is longer than the limit by a factor: what a blow leaves makes three.
+constexpr std::uint32_t shaking_few_ways = 3;
+constexpr double shaking_few_factor = 4;
 /// Way back after which the joint has turned, as a share of the limit.
-constexpr double shaking_turn_share = 0.1;
+constexpr double shaking_turn_share = 0.2;
 
 template <class S> struct ShakingWatchParams {
   S limit = S(std::numeric_limits<S>::infinity()), time = S(0.33), slow = S(6);
@@ -60,45 +58,54 @@ template <class S> struct ShakingWatchState {
   S place{};                      ///< position without its slow part [rad]
   S turned{};                     ///< where it turned last [rad]
   S far{};                        ///< how far it has come since [rad]
+  S moved{};                      ///< way of the joint itself since it turned [rad]
+  S moved_far{};                  ///< the same, where it was farthest [rad]
   S age{};                        ///< time since it turned [s]
   S since{};                      ///< time since it was farthest [s]
-  S travel[shaking_long_ways - 1]{};  ///< the ways before this one, the latest first [rad]
-  S smallest{};                   ///< smallest of the last ways; of more ways over the share, if that is more [rad]
+  S travel[shaking_ways - 1]{};   ///< the ways before this one, the latest first [rad]
+  S smallest{};                   ///< smallest of the last ways; of fewer over the factor, if that is more [rad]
   S way = S(1);                   ///< direction since the last turn
 };
+
+/// How far the joint has come since its last turn, there and without its slow part: the smaller [rad].
+template <class S> S length_of(const ShakingWatchState<S>& s) noexcept {
+  return max(min(abs(s.far - s.turned), s.moved_far * s.way), S(0));
+}
 
 /// One period at a velocity.
 template <class S>
 SafetyFault step(const ShakingWatchCoefficients<S>& c, ShakingWatchState<S>& s, const S& velocity) noexcept {
   s.place = s.place + c.period * velocity - c.forgetting * s.place;
+  s.moved = s.moved + c.period * velocity;
   s.age = min(s.age, c.time) + c.period;
   s.since = min(s.since, c.time) + c.period;
-  if (!is_finite(s.place + s.turned + s.far + s.age + s.since) || !(abs(s.way) == S(1))) s = {};
+  if (!is_finite(s.place + s.turned + s.far + s.moved + s.age + s.since) || !(abs(s.way) == S(1))) s = {};
   if ((s.place - s.far) * s.way > S(0)) {
     s.far = s.place;
+    s.moved_far = s.moved;
     s.since = S(0);
   }
   if ((s.far - s.place) * s.way > c.turn) {
-    for (std::uint32_t k = shaking_long_ways - 2; k > 0; --k) s.travel[k] = s.travel[k - 1];
-    s.travel[0] = abs(s.far - s.turned);
+    for (std::uint32_t k = shaking_ways - 2; k > 0; --k) s.travel[k] = s.travel[k - 1];
+    s.travel[0] = length_of(s);
     s.turned = s.far;
     s.far = s.place;
+    s.moved_far = s.moved = s.moved - s.moved_far;
     s.way = -s.way;
     if (!(s.age <= c.time))
       for (S& past : s.travel) past = S(0);
     s.age = s.since;
     s.since = S(0);
   }
-  S least = abs(s.far - s.turned), most = least;
+  S least = length_of(s), few = S(0);
   if (!(s.age <= c.time)) least = S(0);
-  for (std::uint32_t k = 0; k < shaking_long_ways - 1; ++k) {
+  for (std::uint32_t k = 0; k < shaking_ways - 1; ++k) {
     S& past = s.travel[k];
     if (!(s.age <= c.time) || !is_finite(past)) past = S(0);
     least = min(least, past);
-    most = max(most, past);
-    if (k == shaking_ways - 2) s.smallest = least >= S(shaking_even_share) * most ? least : S(0);
+    if (k == shaking_few_ways - 2) few = least;
   }
-  s.smallest = max(s.smallest, least / S(shaking_long_share));
+  s.smallest = max(least, few / S(shaking_few_factor));
   return s.smallest <= c.limit ? SafetyFault::none : SafetyFault::shaking;
 }
 

@@ -369,13 +369,11 @@ REVERSAL_RINGING_SHARE = 0.22
 The joint reverses four times a second: 4/s (1/20 - 1/100) s, and a third more for the variation around the mean.
 """
 
-SHAKING_TIME_S = 0.01625
+SHAKING_TIME_S = 0.0094
 """Largest travel of an oscillation from turn to turn, over the velocity limit [s].
 
-On 440 foreign plants of 20261101 and 20261103 wearers who reach, stop suddenly, hit things and have spasms made
-at most 0.76 of it four times in a row in 55 h, and 0.42 of it six times. A sine of 5 N m at 2.5 Hz that a drive added
-gave 9.4 J at most. A smaller limit leaves as much: in its first three ways the sine gives up to 7.5 J, and healthy
-wearers make three ways that are larger than those of most sines."""
+On 440 foreign plants of 20261101 and 20261103, in 55 h, wearers who reach, stop suddenly, hit things and have spasms
+made four travels in a row of at most 0.055 rad and three of at most 0.27 rad, at a velocity limit of 8 rad/s."""
 
 ENERGY_STORE_SPEED_SHARE = 0.575
 """Size of the energy budget: the kinetic energy of robot and limb at this share of the velocity limit [1]."""

@@ -74,9 +74,9 @@ PROBE_NOTE = (
 """Note in the exported README if the supervisor probes and its answers at commissioning are known."""
 
 SHAKING_NOTE = (
-    "The supervisor switches the power off if the joint oscillates: four travels in a row beyond {travel}, or six "
-    "beyond half of it, each within {time}. State shaking = false in [rig.instruments] if wearers oscillate that fast, "
-    "and export again."
+    "The supervisor switches the power off if the joint oscillates: four travels in a row beyond {travel}, or three "
+    "beyond four times that, each within {time}. State shaking = false in [rig.instruments] if wearers oscillate that "
+    "fast, and export again."
 )
 """Note in the exported README if the supervisor checks for sustained oscillation."""
 
