@@ -8,7 +8,7 @@
 //   x' = v - l x
 //
 // turns where it has come back by a share of the limit. The ways between its last turns, each within a time, and the way
-// since then are compared: the smallest of the last `shaking_ways` has a limit, and a higher one if there are fewer. A way
+// since then are compared: the smallest of the last `shaking_ways` has a limit, and a lower one if there are more. A way
 // is no longer than the joint itself went that way: x also comes back to 0 after a single reach, while the joint rests.
 #pragma once
 
@@ -18,13 +18,13 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// Ways to and fro in a row that count as shaking.
+/// Ways to and fro in a row that count as shaking: what a blow leaves makes three.
 constexpr std::uint32_t shaking_ways = 4;
-/// Ways in a row that count as shaking if each is longer than the limit by a factor: what a blow leaves makes three.
-constexpr std::uint32_t shaking_few_ways = 3;
-constexpr double shaking_few_factor = 4;
+/// Ways in a row that count as shaking from a share of the limit on: of a wearer who holds against it.
+constexpr std::uint32_t shaking_long_ways = 5;
+constexpr double shaking_long_share = 0.55;
 /// Way back after which the joint has turned, as a share of the limit.
-constexpr double shaking_turn_share = 0.2;
+constexpr double shaking_turn_share = 0.1;
 
 template <class S> struct ShakingWatchParams {
   S limit = S(std::numeric_limits<S>::infinity()), time = S(0.33), slow = S(6);
@@ -62,8 +62,8 @@ template <class S> struct ShakingWatchState {
   S moved_far{};                  ///< the same, where it was farthest [rad]
   S age{};                        ///< time since it turned [s]
   S since{};                      ///< time since it was farthest [s]
-  S travel[shaking_ways - 1]{};   ///< the ways before this one, the latest first [rad]
-  S smallest{};                   ///< smallest of the last ways; of fewer over the factor, if that is more [rad]
+  S travel[shaking_long_ways - 1]{};  ///< the ways before this one, the latest first [rad]
+  S smallest{};                   ///< smallest of the last ways; of more over the share, if that is more [rad]
   S way = S(1);                   ///< direction since the last turn
 };
 
@@ -79,14 +79,14 @@ SafetyFault step(const ShakingWatchCoefficients<S>& c, ShakingWatchState<S>& s, 
   s.moved = s.moved + c.period * velocity;
   s.age = min(s.age, c.time) + c.period;
   s.since = min(s.since, c.time) + c.period;
-  if (!is_finite(s.place + s.turned + s.far + s.moved + s.age + s.since) || !(abs(s.way) == S(1))) s = {};
+  if (!is_finite(s.place + s.turned + s.far + s.moved + s.moved_far + s.age + s.since) || !(abs(s.way) == S(1))) s = {};
   if ((s.place - s.far) * s.way > S(0)) {
     s.far = s.place;
     s.moved_far = s.moved;
     s.since = S(0);
   }
   if ((s.far - s.place) * s.way > c.turn) {
-    for (std::uint32_t k = shaking_ways - 2; k > 0; --k) s.travel[k] = s.travel[k - 1];
+    for (std::uint32_t k = shaking_long_ways - 2; k > 0; --k) s.travel[k] = s.travel[k - 1];
     s.travel[0] = length_of(s);
     s.turned = s.far;
     s.far = s.place;
@@ -97,15 +97,15 @@ SafetyFault step(const ShakingWatchCoefficients<S>& c, ShakingWatchState<S>& s, 
     s.age = s.since;
     s.since = S(0);
   }
-  S least = length_of(s), few = S(0);
+  S least = length_of(s);
   if (!(s.age <= c.time)) least = S(0);
-  for (std::uint32_t k = 0; k < shaking_ways - 1; ++k) {
+  for (std::uint32_t k = 0; k < shaking_long_ways - 1; ++k) {
     S& past = s.travel[k];
     if (!(s.age <= c.time) || !is_finite(past)) past = S(0);
     least = min(least, past);
-    if (k == shaking_few_ways - 2) few = least;
+    if (k == shaking_ways - 2) s.smallest = least;
   }
-  s.smallest = max(least, few / S(shaking_few_factor));
+  s.smallest = max(s.smallest, least / S(shaking_long_share));
   return s.smallest <= c.limit ? SafetyFault::none : SafetyFault::shaking;
 }
 

@@ -1,4 +1,4 @@
-// The watch for shaking: ways from turn to turn, the smallest of four in a row, or of three larger ones, its limit and its time, in both signs.
+// The watch for shaking: ways from turn to turn, the smallest of four or five in a row, its limit and its time, in both signs.
 #include "check.hpp"
 
 #include <pellucid/shaking_watch.hpp>
@@ -20,7 +20,7 @@ template <class S> void all() {
   check(valid(S(1), S(1), S(1.75)) && !valid(S(1), S(1), S(2)) && !valid(S(1), S(1), S(-1)), "a slow part slower than the period");
   check(!valid(S(-1), S(1), S(1)) && !valid(S(1), S(0), S(1)) && !valid(S(1), S(1), S(1), S(0)), "nor backwards");
   // A drift under it takes from the ways against it what it goes meanwhile, and no more.
-  const auto slow = p::coefficients(p::ShakingWatchParams<S>{S(0.1), S(0.33), S(6)}, S(0.002));
+  const auto slow = p::coefficients(p::ShakingWatchParams<S>{S(1), S(0.33), S(6)}, S(0.002));
   for (const S way : {S(-1), S(1)}) {
     p::ShakingWatchState<S> still, moving;
     for (int k = 0; k < 3000; ++k) {
@@ -38,27 +38,28 @@ template <class S> void all() {
     }
   }
   const auto c = p::coefficients(p::ShakingWatchParams<S>{S(1), S(0.5), S(0)}, S(0.25));
-  check(c.limit == S(1) && c.time == S(0.5) && c.turn == S(0.2) && c.period == S(0.25), "as given");
+  check(c.limit == S(1) && c.time == S(0.5) && c.turn == S(0.1) && c.period == S(0.25), "as given");
   for (const S way : {S(-1), S(1)}) {
     p::ShakingWatchState<S> one;
     for (int k = 0; k < 50; ++k) check(p::step(c, one, way * S(8)) == F::none && one.smallest == S(0), "one way is no shaking");
     p::ShakingWatchState<S> s;
+    for (int k = 0; k < 4; ++k) {
+      check(p::step(c, s, (k % 2 == 0 ? way : -way) * S(4)) == F::none, "at the limit");
+      check(s.smallest == (k < 3 ? S(0) : S(1)), "the smallest of four");
+    }
+    check(p::step(c, s, way * S(4)) == F::shaking && s.smallest == S(1) / S(0.55), "not five times");
+    p::ShakingWatchState<S> held;
     for (int k = 0; k < 20; ++k) {
-      check(p::step(c, s, (k % 2 == 0 ? way : -way) * S(4)) == F::none, "at the limit, as often as it likes");
-      check(s.smallest == (k < 2 ? S(0) : k < 3 ? S(0.25) : S(1)), "the smallest of four, and a quarter of that of three");
+      check(p::step(c, held, (k % 2 == 0 ? way : -way) * S(2)) == F::none, "half of it as often as it likes");
+      check(held.smallest == (k < 3 ? S(0) : k < 4 ? S(0.5) : S(0.5) / S(0.55)), "five count more");
     }
     p::ShakingWatchState<S> faster;
     for (int k = 0; k < 3; ++k) check(p::step(c, faster, (k % 2 == 0 ? way : -way) * S(4.5)) == F::none, "three are no shaking");
     check(p::step(c, faster, way * S(-4.5)) == F::shaking && faster.smallest == S(1.125), "the fourth is");
     check(p::step(c, faster, S(0)) == F::shaking, "as long as it may go on");
     check(p::step(c, faster, S(0)) == F::none && faster.smallest == S(0), "and is forgotten");
-    p::ShakingWatchState<S> large;
-    for (const int v : {16, -16, 16}) check(p::step(c, large, way * S(v)) == F::none, "three at four times the limit");
-    p::ShakingWatchState<S> larger;
-    for (const int v : {20, -20}) check(p::step(c, larger, way * S(v)) == F::none, "two are no shaking");
-    check(p::step(c, larger, way * S(18)) == F::shaking && larger.smallest == S(1.125), "three beyond it are");
     p::ShakingWatchState<S> dying;
-    for (const int v : {20, -20, 15, -3}) check(p::step(c, dying, way * S(v)) == F::none, "what dies out");
+    for (const int v : {20, -20, 20, -3}) check(p::step(c, dying, way * S(v)) == F::none, "what dies out");
     check(dying.smallest == S(0.75), "is measured by the smallest");
     // One way that takes too long: those before it do not count.
     p::ShakingWatchState<S> late;
@@ -67,7 +68,7 @@ template <class S> void all() {
     // What trembles by less than a share of the limit does not turn the joint round.
     p::ShakingWatchState<S> trembling;
     for (int k = 0; k < 60; ++k) {
-      check(p::step(c, trembling, way * (k % 2 == 0 ? S(0.76) : S(-0.76))) == F::none, "a tremor");
+      check(p::step(c, trembling, way * (k % 2 == 0 ? S(0.36) : S(-0.36))) == F::none, "a tremor");
       check(trembling.way == S(1) || trembling.travel[0] == S(0), "is no turn");
     }
   }
@@ -80,7 +81,7 @@ template <class S> void all() {
     check(p::step(c, s, S(-6)) == F::shaking, "as before");
     for (S p::ShakingWatchState<S>::*const lost :
          {&p::ShakingWatchState<S>::place, &p::ShakingWatchState<S>::turned, &p::ShakingWatchState<S>::far,
-          &p::ShakingWatchState<S>::moved, &p::ShakingWatchState<S>::age, &p::ShakingWatchState<S>::way}) {
+          &p::ShakingWatchState<S>::moved, &p::ShakingWatchState<S>::moved_far, &p::ShakingWatchState<S>::age, &p::ShakingWatchState<S>::way}) {
       p::ShakingWatchState<S> broken;
       for (int k = 0; k < 4; ++k) p::step(c, broken, k % 2 == 0 ? S(6) : S(-6));
       broken.*lost = wrong;

@@ -221,7 +221,7 @@ def test_a_measured_drive_is_not_asked(study, unplayed):
     folder = pellucid.export(pellucid.open(study.folder))
     numbers = read_constants(folder)
     assert numbers["probe_effort"] == 0.0
-    assert numbers["shaking_limit"] == pytest.approx(0.0094 * numbers["velocity_limit"], rel=1e-6)
+    assert numbers["shaking_limit"] == pytest.approx(0.016 * numbers["velocity_limit"], rel=1e-6)
     answer = export_answer(study, "c", folder)
     assert answer.badge == "Yes"
     assert "compares the measured effort of the drive" in answer.sentence

@@ -303,7 +303,7 @@ def test_thresholds_by_weights_that_are_carried(inertia, speed, weight, carried,
 
 def test_sustained_oscillation_is_watched_on_request():
     found = changes(instruments=Instruments(shaking=True))
-    assert found == {"shaking_limit": pytest.approx(0.0094 * SPEED)}
+    assert found == {"shaking_limit": pytest.approx(0.016 * SPEED)}
 
 
 def test_a_worse_force_sensor_widens_its_watch():

@@ -74,8 +74,8 @@ PROBE_NOTE = (
 """Note in the exported README if the supervisor probes and its answers at commissioning are known."""
 
 SHAKING_NOTE = (
-    "The supervisor switches the power off if the joint oscillates: four travels in a row beyond {travel}, or three "
-    "beyond four times that, each within {time}. State shaking = false in [rig.instruments] if wearers oscillate that "
+    "The supervisor switches the power off if the joint oscillates: four travels in a row beyond {travel}, or five "
+    "beyond 0.55 times that, each within {time}. State shaking = false in [rig.instruments] if wearers oscillate that "
     "fast, and export again."
 )
 """Note in the exported README if the supervisor checks for sustained oscillation."""
