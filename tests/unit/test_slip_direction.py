@@ -81,6 +81,21 @@ def test_rows_and_effort_agree_with_a_sharper_direction():
         assert slopes == pytest.approx(motion.rows(jacobian), abs=1e-9)
 
 
+@pytest.mark.parametrize("separate_load", [False, True])
+def test_rows_follow_every_value(separate_load):
+    motion = recorded()
+    model = joint_model(
+        "combined", motion="rotary", effort_unit="N*m", gravity="sine", separate_load=separate_load, velocity_range=3.0
+    )
+    first = np.linspace(0.1, 0.4, len(model.names))
+    for i in range(len(first)):
+        values = np.where(np.arange(len(first)) == i, 1.3 * first, first)
+        effort, jacobian = model.jacobian(values, motion)
+        rows, slopes = model.rows(values, motion)
+        assert rows == pytest.approx(motion.rows(effort), abs=1e-9)
+        assert slopes == pytest.approx(motion.rows(jacobian), abs=1e-9)
+
+
 def test_motions_without_a_recorded_position_keep_the_sign_of_their_velocity():
     motion = replace(recorded(), raw_position=None)
     assert choose_direction([MODEL], [motion], 0.05) == DirectionChoice()

@@ -6,7 +6,8 @@ motion's own low-pass. Where friction gives before it slips a motion has a `dire
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -38,8 +39,17 @@ CURVED_TERMS = tuple(
 LOADED_TERMS = tuple(i for i in CURVED_TERMS if (by := CORE_FIELDS[_NAMES[i]].resists) is not None and by.load > 0.0)
 """Those of them by which friction grows with the load, and so depends on the body."""
 
+SHAPE_TERMS = tuple(i for i in CURVED_TERMS if CORE_FIELDS[_NAMES[i]].resists is None)
+"""Those of them that shape a curve; effort is proportional to each of the others."""
+
+CURVE_TERMS = tuple(i for i in CURVED_TERMS if i not in SHAPE_TERMS + LOADED_TERMS)
+"""Those of them that velocity alone bends."""
+
 BODY_TERMS = SMOOTH_TERMS[:4]
-"""Those of them that no direction of motion changes."""
+"""Smooth terms that no direction of motion changes."""
+
+_WIDTH = _NAMES.index("velocity_width")
+_LOAD_UNIT = 0.5  # within the bounds of a coefficient of the load
 
 
 class FilteredMotion(Protocol):
@@ -130,37 +140,109 @@ def filtered_rows(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return effort (m,) and derivative (m, p) of `filtered_jacobian` at the rows of a regression.
 
-    Linear terms are filtered once and kept with the motion; only nonlinear terms are filtered again.
+    Both are weighted sums of the same columns, which are filtered again only where they change: with the shape of a
+    curve, or with the ratios within the body that loads it.
     """
+    by = np.column_stack([vector, selection])
     jumping = tuple(i for i in SMOOTH_TERMS + JUMPING_TERMS if i not in smooth)
-    terms = [*smooth, *jumping]
-    width = float(vector[_NAMES.index("velocity_width")])
-    linear = np.hstack([_smooth_rows(motion)[:, : len(smooth)], _jumping_rows(motion, jumping, width)])
-    effort, rows = linear @ vector[terms], linear @ selection[terms]
-    curved = list(CURVED_TERMS)
-    if not (vector[curved].any() or selection[curved].any()):
-        return effort, rows
-    # What bends, with the body on which it depends: less the body itself, all of it jumps with the velocity.
-    loaded = list(LOADED_TERMS)
-    bodies = BODY_TERMS if vector[loaded].any() or selection[loaded].any() else ()
-    bent = vector.copy()
-    bent[[i for i in terms if i not in bodies]] = 0.0
-    candidates = np.array([*bodies, *curved])
-    active = candidates[selection[candidates].any(axis=1)]
-    states = motion.position, _friction_velocity(motion), motion.acceleration
-    whole, jacobian = _core.inverse_dynamics_jacobian(bent, *states, active)
-    chosen = np.flatnonzero(selection[active].any(axis=0))
-    made = np.zeros((len(active), 1 + len(chosen)))
-    made[:, 1:] = selection[np.ix_(active, chosen)]
-    jumps = jacobian @ made
-    jumps[:, 0] = whole
-    less = np.column_stack([bent, selection[:, chosen]])
-    body = tuple(i for i in bodies if less[i].any())
-    if body:
-        jumps -= _body_regressor(motion, body) @ less[list(body)]
-    added = motion.rows(motion.smooth(_given_way(jumps, motion)))
-    rows[:, chosen] += added[:, 1:]
-    return effort + added[:, 0], rows
+    parts = [(_Columns(jumping, _only(vector, [_WIDTH])), by[list(jumping)])]
+    if by[list(CURVED_TERMS)].any():
+        used = by.any(axis=1).tolist()
+        parts += [*_curve_parts(by, used), *_load_parts(by, used)]
+    rows = _smooth_rows(motion)[:, : len(smooth)] @ by[list(smooth)]
+    for columns, (_, weights) in zip(_filtered_columns(motion, [each for each, _ in parts]), parts, strict=True):
+        rows += columns @ weights
+    return rows[:, 0], rows[:, 1:]
+
+
+class _Columns(NamedTuple):
+    """Effort per unit of core parameters `terms` at a core `vector`, (k,); if `loaded`, the friction of that effort."""
+
+    terms: tuple[int, ...]
+    vector: np.ndarray
+    loaded: bool = False
+
+
+def _only(vector: np.ndarray, terms: Sequence[int]) -> np.ndarray:
+    """Return a core vector, (k,), with 0 for all but some terms."""
+    left = np.zeros(len(vector))
+    left[terms] = vector[terms]
+    return left
+
+
+def _curve_parts(by: np.ndarray, used: Sequence[bool]) -> Iterator[tuple[_Columns, np.ndarray]]:
+    """Yield the columns of friction that bends with the velocity alone, with their weights.
+
+    `by`, (k, 1 + p), is the core's vector and its derivative by the free values; `used` marks its rows that are not 0.
+    """
+    curves = [i for i in CURVE_TERMS if used[i]]
+    shapes = [i for i in SHAPE_TERMS if used[i] and by[i, 1:].any()]
+    if curves or shapes:
+        # A derivative by a shape depends on the height of its curve; nothing else here does.
+        weights = by[curves + shapes]
+        weights[len(curves) :, 0] = 0.0
+        heights = curves if shapes else []
+        yield _Columns((*curves, *shapes), _only(by[:, 0], [_WIDTH, *SHAPE_TERMS, *heights])), weights
+
+
+def _load_parts(by: np.ndarray, used: Sequence[bool]) -> Iterator[tuple[_Columns, np.ndarray]]:
+    """Yield the columns of friction that is proportional to the load, with their weights, by its coefficients.
+
+    The load is the sum of its derivatives by the body, each times its parameter; so is the friction.
+    """
+    body, groups = [i for i in BODY_TERMS if used[i]], dict[bytes, list[int]]()
+    for i in LOADED_TERMS:
+        if used[i] and body:
+            groups.setdefault(by[i].tobytes(), []).append(i)  # those that are always equal have the same columns
+    for group in groups.values():
+        vector = _only(by[:, 0], [_WIDTH, *body])
+        vector[body] /= max(np.abs(vector[body]).max(), np.finfo(float).tiny)
+        vector[group] = _LOAD_UNIT
+        share = by[group[0]] / _LOAD_UNIT
+        weights = share[0] * by[body]
+        weights[:, 1:] += by[body, :1] * share[1:]
+        yield _Columns(tuple(body), vector, loaded=True), weights
+
+
+def _jumps(motion: FilteredMotion, wanted: Sequence[_Columns]) -> np.ndarray:
+    """Return columns side by side along a motion, (n, k), before the low-pass."""
+    terms = tuple(i for each in wanted for i in each.terms)
+    velocity = _friction_velocity(motion)
+    unloaded = [each.vector for each in wanted if not each.loaded]
+    if unloaded:
+        # One call gives all, for the body's columns without load depend on no vector, nor do those before the last.
+        states = motion.position, velocity, motion.acceleration
+        columns = _core.inverse_dynamics_jacobian(unloaded[-1], *states, np.array(terms, int))[1]
+    else:
+        columns = _body_regressor(motion, terms)
+    end = 0
+    for each in wanted:
+        first, end = end, end + len(each.terms)
+        if each.loaded:
+            own = columns[:, first:end]
+            # Friction is proportional to the load's size, whose derivative by the load is its sign.
+            side = np.sign(own @ each.vector[list(each.terms)])
+            rubbing = side * _core.friction(each.vector, velocity, side)
+            for column in own.T:  # one by one, for so few side by side take ten times as long
+                column *= rubbing
+    return _given_way(columns, motion)
+
+
+def _filtered_columns(motion: FilteredMotion, wanted: Sequence[_Columns]) -> list[np.ndarray]:
+    """Return columns at the rows that a regression uses, each (m, k); the last of a kind are kept with the motion."""
+    kept = vars(motion).setdefault("_filtered_columns", {})
+    kinds = [(each.terms, (each.vector != 0.0).tobytes()) for each in wanted]
+    made = {kind: kept[kind] for kind in kinds if kind in kept}
+    new = [i for i, kind in enumerate(kinds) if kind not in made or not np.array_equal(made[kind][0], wanted[i].vector)]
+    if new:
+        filtered, end = motion.rows(motion.smooth(_jumps(motion, [wanted[i] for i in new]))), 0
+        for i in new:
+            first, end = end, end + len(wanted[i].terms)
+            made[kinds[i]] = wanted[i].vector, filtered[:, first:end]
+            # What the sign of the velocity alone decides is kept, however long a motion is; it must not hold the rest.
+            if i == 0 or len(motion.position) <= MAX_CACHED_SAMPLES:
+                kept[kinds[i]] = wanted[i].vector, np.array(made[kinds[i]][1])
+    return [made[kind][1] for kind in kinds]
 
 
 def _smooth_rows(motion: FilteredMotion) -> np.ndarray:
@@ -172,18 +254,6 @@ def _smooth_rows(motion: FilteredMotion) -> np.ndarray:
     if "smooth_rows" not in kept:
         kept["smooth_rows"] = motion.rows(_smooth_regressor(motion))
     return kept["smooth_rows"]
-
-
-def _jumping_rows(motion: FilteredMotion, terms: tuple[int, ...], width: float) -> np.ndarray:
-    """Return the filtered regressor of linear `terms` that jump with the velocity, (m, k), at those rows.
-
-    It is kept with the motion, for it depends on no parameter but the `width` of the smooth sign [velocity].
-    """
-    kept = vars(motion).setdefault("_jumping_rows", {})
-    if (terms, width) not in kept:
-        columns = regressor(motion.position, _friction_velocity(motion), motion.acceleration, terms, width)
-        kept[terms, width] = motion.rows(motion.smooth(_given_way(columns, motion)))
-    return kept[terms, width]
 
 
 def share_smooth_regressor(motion: FilteredMotion, other: FilteredMotion) -> None:
