@@ -119,6 +119,8 @@ def test_joints_share_a_table_and_replace_keys_of_it(tmp_path):
         (ONE, "0.1 mrad", "0.1 mm", r'line 11: \[rig.instruments\] encoder_resolution: found the unit "mm"'),
         (ONE, "range", "rang", r'line 21: \[rig.instruments.force_sensor\] rang: unknown key "rang"; .* is "range"'),
         (ONE, "100 mN*m", "-1 N*m", r"line 19: \[rig.instruments.drive_sensor\] offset: found -1.0, expected at least"),
+        (ONE, "probe = true", 'probe = "false"', r"\[rig.instruments\] probe: found 'false', expected true or false"),
+        (ONE, "second_encoder = true", "second_encoder = 1", r"second_encoder: found 1, expected true or false"),
         (ONE, "second_encoder = true\n", "", "found second_encoder_tolerance, expected second_encoder = true"),
         (SEVERAL, "second_encoder = true\n", "", r"\[\[rig.joints\]\] elbow: .*expected second_encoder = true"),
         (SEVERAL, "0.2 N*m", "0.2 m", r'\[\[rig.joints\]\] 1 instruments.drive_sensor.offset: found the unit "m"'),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
 
@@ -55,7 +55,10 @@ class StudyTable(BaseModel):
 
     @field_validator("*", mode="before")
     @classmethod
-    def _legible(cls, value: Any) -> Any:
+    def _legible(cls, value: Any, info: ValidationInfo) -> Any:
+        annotation = cls.model_fields[info.field_name or ""].annotation
+        if bool in (annotation, *get_args(annotation)) and value is not None and not isinstance(value, bool):
+            raise ValueError(f"found {value!r:.100}, expected true or false")
         for text in value if isinstance(value, (list, tuple)) else (value,):
             if isinstance(text, str) and (len(text) > MAX_TEXT_LENGTH or text != _given.visible_text(text)):
                 raise ValueError(
