@@ -96,6 +96,13 @@ template <class S> struct BodyResidualState {
   bool started = false;  ///< false until the first sample
 };
 
+/// An effort less what an end stop gives of it, which points `inwards`, 0 within the range. `part` is the stop's, and fades
+/// from the effort as it does from the residual.
+template <class S> S without_stop(const BodyResidualCoefficients<S>& c, S effort, S inwards, S& part) noexcept {
+  part = inwards * effort > S(0) ? effort : part - c.following * part;
+  return effort - part;
+}
+
 /// One period of a body under an effort; `felt` is what a force sensor says, if it is `sensed`.
 template <class S> void step(const BodyResidualCoefficients<S>& c, BodyResidualState<S>& s, const S& position,
                              const S& velocity, const S& effort, const S& felt, bool sensed) noexcept {
@@ -118,13 +125,10 @@ template <class S> void step(const BodyResidualCoefficients<S>& c, BodyResidualS
   s.residual = p.bandwidth * (p.inertia * velocity - s.momentum);
   s.felt = s.felt + c.following * ((sensed ? felt : S(0)) - s.felt);
   s.burst = sensed ? s.residual - s.felt : S(0);
-  // A stop's effort fades from the residual as fast as any other.
   const S inwards = position > c.highest ? S(-1) : position < c.lowest ? S(1) : S(0);
   s.at_stop = inwards != S(0);
-  s.stop = inwards * s.residual > S(0) ? s.residual : s.stop - c.following * s.stop;
-  s.stop_beside_felt = inwards * s.burst > S(0) ? s.burst : s.stop_beside_felt - c.following * s.stop_beside_felt;
-  s.burst = s.burst - s.stop_beside_felt;
-  s.push = s.residual - s.stop;
+  s.push = without_stop(c, s.residual, inwards, s.stop);
+  s.burst = without_stop(c, s.burst, inwards, s.stop_beside_felt);
   s.lasting = s.lasting + c.smoothing * (s.push - s.lasting);
   s.open = s.open + c.smoothing * (s.level * (S(1) - S(known_friction) * abs(direction)) - s.open);
   s.contradiction = s.contradiction + c.smoothing * (s.burst - s.contradiction);
