@@ -149,6 +149,7 @@ class ControllerValues:
             coordinate=COORDINATE_UNITS[self.motion],
             effort=self.effort_unit,
             spring=LAWS[self.law].drives_spring,
+            sensors=self.uses,
         )
 
     @property

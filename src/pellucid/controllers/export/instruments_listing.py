@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from ..instruments import CompleteInstruments, Instruments
@@ -31,11 +32,18 @@ class ListedInstrument:
 
 
 def list_instruments(
-    instruments: Instruments, effort_limit: float, *, coordinate: str, effort: str, spring: bool
+    instruments: Instruments,
+    effort_limit: float,
+    *,
+    coordinate: str,
+    effort: str,
+    spring: bool,
+    sensors: Collection[str],
 ) -> tuple[ListedInstrument, ...]:
     """Return the list for a law with an `effort_limit`, in the units `coordinate` and `effort`.
 
-    `spring` tells whether the law drives a series spring, whose usual accuracy is another.
+    `spring` tells whether the law drives a series spring, whose usual accuracy is another. `sensors` are the optional
+    sensors that the law uses, by name; others are not listed.
     """
 
     def complete(given: Instruments) -> CompleteInstruments:
@@ -71,10 +79,12 @@ def list_instruments(
         add("its lag", "drive_lag", "s")
     if used.drive or used.probe:
         add("largest effort of the drive", "drive_limit", effort)
-    add("range of the force sensor", "force_range", effort)
-    add("relative error of the force sensor", "force_gain_error", "")
-    add("offset of the force sensor", "force_offset", effort)
-    add("largest torque in the EMG calibration", "emg_range", effort)
+    if "interaction" in sensors:
+        add("range of the force sensor", "force_range", effort)
+        add("relative error of the force sensor", "force_gain_error", "")
+        add("offset of the force sensor", "force_offset", effort)
+    if "muscle" in sensors:
+        add("largest torque in the EMG calibration", "emg_range", effort)
     answer = "not measured" if used.start_up_answer is None else f"{used.start_up_answer:.4g} J"
     list_value("work of the start-up wave at commissioning", "start_up_answer", answer, UNKNOWN_SOURCE)
     if used.start_up_wave is not None:
