@@ -145,11 +145,12 @@ nb::object load(nb::handle parameters, nb::handle position, nb::handle accelerat
 nb::object presliding(nb::handle travel, nb::handle position) {
   const Array way = read_array("position", position);
   if (way.shape.size() != 1) way.fail("(n,)");
-  const auto c = p::coefficients(p::PreslidingParams<double>{read_number("travel", travel)});
+  const double over = read_number("travel", travel);
   Result result({way.shape[0]});
-  p::PreslidingState<double> state;
-  for (std::size_t i = 0; i < way.shape[0]; ++i)
-    result.data[i] = p::step(c, state, way.data[i] - way.data[i > 0 ? i - 1 : 0]);
+  {
+    nb::gil_scoped_release release;
+    kernels.presliding(over, way.shape[0], way.data, result.data);
+  }
   return result.array();
 }
 

@@ -90,6 +90,12 @@ void load(const double* parameters, std::size_t n, const double* position, const
   for_each(n, effort, [&c](Block q, Block a) { return p::load(c, q, a); }, position, acceleration);
 }
 
+void presliding(double travel, std::size_t n, const double* position, double* direction) {
+  const auto c = p::coefficients(p::PreslidingParams<double>{travel});
+  p::PreslidingState<double> state;
+  for (std::size_t i = 0; i < n; ++i) direction[i] = p::step(c, state, position[i] - position[i > 0 ? i - 1 : 0]);
+}
+
 /// Reads rows first... of a simulation as one S, and writes it back.
 template <class S> struct Row {
   std::size_t first;
@@ -279,8 +285,8 @@ void simulate_jacobian(const Simulation& s, const std::size_t* active, std::size
 namespace PELLUCID_ABI {
 extern const Kernels kernels;
 const Kernels kernels = {
-    PELLUCID_INSTRUCTIONS, inverse_dynamics, inverse_dynamics_jacobian, forward_dynamics, friction, load, simulate,
-    simulate_rows<Geared>, simulate_jacobian};
+    PELLUCID_INSTRUCTIONS, inverse_dynamics, inverse_dynamics_jacobian, forward_dynamics, friction, load, presliding,
+    simulate, simulate_rows<Geared>, simulate_jacobian};
 }  // namespace PELLUCID_ABI
 
 }  // namespace bindings

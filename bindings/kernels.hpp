@@ -66,6 +66,7 @@ struct Kernels {
   void (*friction)(const double* parameters, std::size_t n, const double* velocity, const double* load, double* effort);
   void (*load)(const double* parameters, std::size_t n, const double* position, const double* acceleration,
                double* effort);
+  void (*presliding)(double travel, std::size_t n, const double* position, double* direction);
   /// Rows first to last - 1.
   void (*simulate)(const Simulation&, std::size_t first, std::size_t last);
   /// The same of geared plants; always with stiction.

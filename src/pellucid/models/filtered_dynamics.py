@@ -147,7 +147,7 @@ def filtered_rows(
     jumping = tuple(i for i in SMOOTH_TERMS + JUMPING_TERMS if i not in smooth)
     parts = [(_Columns(jumping, _only(vector, [_WIDTH])), by[list(jumping)])]
     if by[list(CURVED_TERMS)].any():
-        used = by.any(axis=1).tolist()
+        used = np.any(by, axis=1)
         parts += [*_curve_parts(by, used), *_load_parts(by, used)]
     rows = _smooth_rows(motion)[:, : len(smooth)] @ by[list(smooth)]
     for columns, (_, weights) in zip(_filtered_columns(motion, [each for each, _ in parts]), parts, strict=True):
@@ -170,7 +170,7 @@ def _only(vector: np.ndarray, terms: Sequence[int]) -> np.ndarray:
     return left
 
 
-def _curve_parts(by: np.ndarray, used: Sequence[bool]) -> Iterator[tuple[_Columns, np.ndarray]]:
+def _curve_parts(by: np.ndarray, used: np.ndarray) -> Iterator[tuple[_Columns, np.ndarray]]:
     """Yield the columns of friction that bends with the velocity alone, with their weights.
 
     `by`, (k, 1 + p), is the core's vector and its derivative by the free values; `used` marks its rows that are not 0.
@@ -185,7 +185,7 @@ def _curve_parts(by: np.ndarray, used: Sequence[bool]) -> Iterator[tuple[_Column
         yield _Columns((*curves, *shapes), _only(by[:, 0], [_WIDTH, *SHAPE_TERMS, *heights])), weights
 
 
-def _load_parts(by: np.ndarray, used: Sequence[bool]) -> Iterator[tuple[_Columns, np.ndarray]]:
+def _load_parts(by: np.ndarray, used: np.ndarray) -> Iterator[tuple[_Columns, np.ndarray]]:
     """Yield the columns of friction that is proportional to the load, with their weights, by its coefficients.
 
     The load is the sum of its derivatives by the body, each times its parameter; so is the friction.

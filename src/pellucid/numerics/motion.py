@@ -139,8 +139,10 @@ class Motion:
     def smooth(self, samples: np.ndarray, share: float = 1.0) -> np.ndarray:
         """The low-pass that position and effort went through, for what a model makes of the sign of velocity.
         `samples` (n,). The cut-off is `share` times that of the motion."""
-        filtering, lowpass = self.filtering, self.filtering.lowpass
-        return lowpassed(samples, self.fs, replace(filtering, lowpass=share * lowpass) if lowpass else filtering)
+        filtering = self.filtering
+        if share != 1.0 and filtering.lowpass:
+            filtering = replace(filtering, lowpass=share * filtering.lowpass)
+        return lowpassed(samples, self.fs, filtering)
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
         """The samples, (n,) or (n, k), that a regression uses."""
