@@ -61,8 +61,23 @@ def test_starts_that_the_supervisor_stopped_are_refused():
     first = int(np.flatnonzero(starts[0].effort)[0])
     kept = np.arange(len(starts[0].effort)) < first + 20
     cut = [replace(start, effort=np.where(kept, start.effort, 0.0)) for start in starts]
-    with pytest.raises(PellucidError, match="found 0 of 5 starts with a whole wave, expected at least 3: the"):
+    with pytest.raises(PellucidError, match="found 0 of 5 starts with a whole wave, expected at least 3: the others"):
         drive_check(cut, robot.model_inertia)
+
+
+def test_a_drive_that_gives_nothing_within_the_wave_has_no_sign():
+    """Its joint moves by the noise of the encoder; that counted as the wrong way."""
+    robot = replace(draw_robot(0, 3), rotor_share=0.0, gain=1e-9)
+    starts = [play_start(robot, 0, k, 3) for k in range(5)]
+    with pytest.raises(PellucidError, match=r"first half of the wave does .* of the work .* on a free joint"):
+        drive_check(starts, robot.model_inertia)
+
+
+def test_a_wave_that_a_limit_of_the_rate_makes_smaller_is_whole():
+    robot = replace(draw_robot(0, 3), rotor_share=0.0)
+    starts = [play_start(robot, 0, k, 3) for k in range(5)]
+    uneven = [replace(start, effort=np.maximum(start.effort, 0.94 * start.effort.min())) for start in starts]
+    assert drive_check(uneven, robot.model_inertia).starts == 5
 
 
 def test_an_answer_holds_for_the_wave_that_gave_it():
@@ -187,6 +202,8 @@ def test_a_spring_is_refused_and_a_virtual_study_is_commissioned(tmp_path):
     assert re.search(r"^sign: right$", "\n".join(done.lines()), re.M)
     assert (done.answer.badge, done.answer.sentence) == ("Yes", "sign and gain are right")
     assert done.answer.next_command == f"pellucid export {tmp_path / 'bench'}"
+    with pytest.raises(PellucidError, match=r"found a slider of 0.2 m, expected none for the virtual robot"):
+        pellucid.commission(study, slider=0.2)
     pellucid.export(pellucid.open(tmp_path / "bench"))
     asked = []
     robot = ReversedRobot(virtual_robot(tmp_path / "bench")(False, 1e-3))

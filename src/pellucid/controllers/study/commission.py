@@ -155,6 +155,7 @@ def commission(
     robot: object | None = None,
     controller: str | None = None,
     participant: str | None = None,
+    slider: float | None = None,
     wearer: bool = True,
     gain_checked: bool = False,
     ask: Callable[[str], None] = _nobody_to_ask,
@@ -179,6 +180,8 @@ def commission(
         Robot that is started here, with `read` and `write` as `pellucid.live.udp_robot.UdpRobot` has them.
     controller, participant : str or None
         The controller that will be exported, as `export` takes them.
+    slider : float or None
+        Position of a carriage [m], as `export` takes it; None for the middle of its rail.
     wearer : bool
         Whether somebody wears the robot for the answers, where the starts are played here.
     gain_checked : bool
@@ -215,7 +218,12 @@ def commission(
     if not isinstance(study, Study):
         kind = type(study).__name__
         raise PellucidError(f"commission: found study of the type {kind}, expected what pl.open returns")
-    values = values_for(study, controller=controller, participant=participant)
+    if slider is not None and robot is None and not logs:
+        raise PellucidError(
+            f"commission of {study.name}: found a slider of {slider:g} m, expected none for the virtual robot, whose "
+            "carriage is in the middle: give --log or --udp"
+        )
+    values = values_for(study, controller=controller, participant=participant, slider=slider)
     if LAWS[values.law].drives_spring:
         raise PellucidError(f"commission of {study.name}: found a law that drives a spring, expected a joint's drive")
     law = protect_wearer(values, unmeasured=True, place=f"commission of {study.name}").supervised
@@ -223,7 +231,7 @@ def commission(
         raise PellucidError(
             f"commission of {study.name}: found --worn alone, expected --log of starts that nobody wears, too"
         )
-    told = {"controller": controller, "participant": participant}
+    told = {"controller": controller, "participant": participant, "slider": None if slider is None else f"{slider:g}"}
     options = tuple(word for name, value in told.items() if value is not None for word in (f"--{name}", value))
 
     def answered(
