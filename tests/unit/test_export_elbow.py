@@ -182,6 +182,7 @@ def test_what_cannot_be_exported_is_told(study):
         ({"controller": "clpc", "participant": "P1"}, "does not depend on the wearer"),
         ({"controller": "clpc", "exponents": (0.0, 0.0)}, 'only "fc" and "pcfr" have them'),
         ({"exponents": (0.0, 0.0)}, "found exponents without a controller"),
+        ({"controller": "fc", "exponents": (5.0, float("nan"))}, "found exponents 5 and nan, expected -10 to 10"),
         ({"controller": "clpc", "card": "slider.load.json"}, "found a card and a controller"),
     ):
         with pytest.raises(PellucidError, match=said):
@@ -196,6 +197,13 @@ def test_a_law_of_torques_wants_a_card_of_torques(study):
     path.write_text(path.read_text(encoding="utf-8").replace('"N*m"', '"A"', 1), encoding="utf-8")
     with pytest.raises(PellucidError, match=r"found efforts in A, expected N\*m"):
         pellucid.export(study, controller="transparent")
+
+
+def test_a_weight_beyond_the_effort_limit_is_told(study):
+    told = "cannot hold the joint everywhere**: the weight that it has to hold is up to"
+    light, heavy = elbow_values(study, "transparent"), elbow_values(study, "transparent", load=(5.0, 0.3))
+    assert not any(told in note for note in light.all_notes)
+    assert heavy.all_notes[0].count(told) == 1
 
 
 def test_the_exponents_are_told_to_be_another_robots_until_they_are_given(study):

@@ -33,7 +33,7 @@ from .c_folder import (
     template_path,
     write_c_folder,
 )
-from .controller_values import ControllerValues, joint_values, protect_wearer, tree_values
+from .controller_values import ControllerValues, joint_values, largest_weight, protect_wearer, tree_values
 from .elbow_values import elbow_values
 from .fmu import FMI_VERSIONS, describe_unit, read_unit_constants, require_own_file, write_fmu
 from .ros2_package import C_FOLDER, describe_package, package_name, package_paths, write_ros2_package
@@ -154,7 +154,11 @@ class LawExporter(ControllerExporter):
         numbers = LAW_TARGETS[request.to].read_constants(place)
         is_measured, probes = numbers["drive_expected"] == 1.0, numbers["probe_effort"] > 0.0
         said = describe_drive_watch(is_measured, probes)
-        qualifier = "" if is_measured or probes else "limited fault detection"
+        doubts = (
+            "" if is_measured or probes else "limited fault detection",
+            "cannot hold the joint everywhere" if largest_weight(numbers) > numbers["effort_limit"] else "",
+        )
+        qualifier = ", ".join(filter(None, doubts))
         return replace(super().make_answer(request, place), said=said, qualifier=qualifier)
 
     def next_step(self, request: ExportRequest, place: Path) -> Step:

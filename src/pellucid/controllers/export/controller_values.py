@@ -9,10 +9,13 @@ Derive the exported law of a robot with several joints from its card.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
+
+import numpy as np
 
 from ..._errors import PellucidError
 from ...models.anthropometry import Segment
@@ -60,8 +63,8 @@ NO_ANSWER_NOTE = (
 """Note in the exported README if the start-up test has no answer of a commissioning."""
 
 OTHER_ANSWER_NOTE = (
-    "start_up_answer in [rig.instruments] was measured with the start-up test of another controller, and is not used: "
-    "the test accepts a drive gain that is wrong by a factor of up to three. Commission with the --controller that you "
+    "start_up_answer in [rig.instruments] was measured with another start-up test, and is not used: the test accepts "
+    "a drive gain that is wrong by a factor of up to three. Commission with the --controller and --slider that you "
     "export, then export again."
 )
 """Note in the exported README if the answer of the start-up test belongs to another wave."""
@@ -73,16 +76,29 @@ PROBE_NOTE = (
 )
 """Note in the exported README if the supervisor probes and its answers at commissioning are known."""
 
+WEIGHED_PLACE_COUNT = 181
+"""Number of positions at which the weight that a controller has to hold is computed."""
+
+HEAVY_NOTE = (
+    "**The controller cannot hold the joint everywhere**: the weight that it has to hold is up to {weight}, its effort "
+    "limit {limit}. Hold the joint before it is switched on, or export with less load."
+)
+"""Note in the exported README if the weight exceeds the effort limit."""
+
+SHAKING_CYCLE_SHARE = 0.6
+"""Share of a cycle of a sine within which the check for sustained oscillation counts a travel: half of it, and the way
+back by which it tells a turn."""
+
 SHAKING_NOTE = (
-    "The supervisor switches the power off if the joint oscillates: four travels in a row beyond {travel}, or five "
-    "beyond 0.55 times that, each within {time}. State shaking = false in [rig.instruments] if wearers oscillate that "
-    "fast, and export again."
+    "The supervisor switches the power off if the joint oscillates faster than {frequency}, whatever slower motion is "
+    "under it: four travels in a row beyond {travel}, or five beyond 0.55 times that. State shaking = false in "
+    "[rig.instruments] if wearers oscillate that fast, and export again."
 )
 """Note in the exported README if the supervisor checks for sustained oscillation."""
 
 STILL_NOTE = (
-    "While the encoder reads the same at rest, the supervisor adds a small wave of effort, which grows to at most "
-    "{effort} until the reading changes."
+    "While the encoder reads the same at rest, the supervisor adds a wave of effort, which grows to at most {effort} "
+    "until the reading changes. If it does not within {time}, as with a blocked joint, the power is switched off."
 )
 """Note in the exported README if the supervisor asks a joint at rest."""
 
@@ -95,6 +111,19 @@ UNCOMMISSIONED_PROBE_NOTE = (
     "[rig.instruments]; then export again."
 )
 """Note in the exported README if the supervisor probes and its answers at commissioning are not known."""
+
+
+def largest_weight(numbers: Mapping[str, float]) -> float:
+    """Return the largest weight that a controller compensates within its position limits, from all its numbers, SI."""
+    low, high = numbers["position_min"], numbers["position_max"]
+    if not (math.isfinite(low) and math.isfinite(high)):
+        low, high = 0.0, math.tau
+    q = np.linspace(low, high, WEIGHED_PLACE_COUNT)
+    sine, cosine, offset = (
+        numbers.get(name, numbers[f"body_{name}"]) for name in ("gravity_sine", "gravity_cosine", "offset")
+    )
+    weight = float(np.abs(sine * np.sin(q) + cosine * np.cos(q) + offset).max())
+    return numbers.get("gravity_share", 1.0) * weight
 
 
 @dataclass(frozen=True)
@@ -125,12 +154,19 @@ class ControllerValues:
         if supervision["probe_effort"] > 0.0:
             known = supervision["probe_answer_error"] > 0.0
             notes = (*notes, PROBE_NOTE if known else UNCOMMISSIONED_PROBE_NOTE)
-        unit = COORDINATE_UNITS[self.motion]
+        unit, limit = COORDINATE_UNITS[self.motion], self.numbers["effort_limit"]
+        weight = largest_weight({**supervision, **self.numbers})
+        if weight > limit:
+            told = {"weight": f"{weight:.3g} {self.effort_unit}", "limit": f"{limit:.3g} {self.effort_unit}"}
+            notes = (HEAVY_NOTE.format(**told), *notes)
         if self.instruments.shaking:
             travel = f"{supervision['shaking_limit']:.2g} {unit}"
-            notes = (*notes, SHAKING_NOTE.format(travel=travel, time=f"{supervision['shaking_time']:g} s"))
+            frequency = f"{SHAKING_CYCLE_SHARE / supervision['shaking_time']:.2g} Hz"
+            notes = (*notes, SHAKING_NOTE.format(travel=travel, frequency=frequency))
         if supervision["still_samples"] > 0.0:
-            notes = (*notes, STILL_NOTE.format(effort=f"{supervision['still_effort']:.2g} {self.effort_unit}"))
+            asked = 3.0 * supervision["still_samples"] * self.numbers["period"]
+            effort = f"{supervision['still_effort']:.2g} {self.effort_unit}"
+            notes = (*notes, STILL_NOTE.format(effort=effort, time=f"{asked:.2g} s"))
         tested = supervision["test_effort"] > 0.0
         if LAWS[self.law].drives_spring or not supervision["body_inertia"] > 0.0:
             return notes
@@ -201,7 +237,8 @@ def protect_wearer(
             _ = made.supervised
         except PellucidError as error:
             if asked is None:
-                return replace(values, instruments=replace(decided, probe=False))
+                notes = (*values.notes, f"The supervisor has no probe of drive and encoder: {error}.")
+                return replace(values, instruments=replace(decided, probe=False), notes=notes)
             raise PellucidError(
                 f"{place}: {error}. Instead of a probe, state a measurement in [rig.instruments.drive_sensor], or "
                 "accept that many drive faults are not detected: --no-probe --unmeasured"

@@ -42,6 +42,10 @@ LIMIT_KEYS = {
 """Key of [rig.limits] that sets each parameter of the safety gate."""
 
 
+LARGEST_EXPONENT = 10.0
+"""Largest size of an exponent of equation 8; the published ones are -1 and -1.9 [1]."""
+
+
 def elbow_values(
     study: Study,
     controller: str,
@@ -63,6 +67,11 @@ def elbow_values(
     named = ELBOW_CONTROLLERS[controller]
     if exponents is not None and not named.exponents:
         raise PellucidError(f'export of {study.name}: found exponents, expected none: only "fc" and "pcfr" have them')
+    if exponents is not None and not all(abs(k) <= LARGEST_EXPONENT for k in exponents):
+        raise PellucidError(
+            f"export of {study.name}: found exponents {exponents[0]:g} and {exponents[1]:g}, expected "
+            f"-{LARGEST_EXPONENT:g} to {LARGEST_EXPONENT:g}"
+        )
     path = study.card(named.card)
     if study.rig.slider is None and not path.is_file():
         raise PellucidError(
