@@ -58,7 +58,7 @@ MAX_EFFORT_DIFFERENCE = 0.02
 
 
 MIN_SIGN_WORK_SHARE = 0.02
-"""Work of a wave's first half over that on a free joint from which on its sign is told [1].
+"""Work of a wave's first half over that on a free joint below which its sign is unknown [1].
 
 A drive that gives nothing within it, or a joint that is held, does none."""
 
