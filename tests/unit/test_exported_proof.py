@@ -150,16 +150,12 @@ def test_a_measured_drive_that_answers_late_is_found(measured):
 
 
 def test_a_commissioned_probe_finds_what_begins_before_its_first_movement(store):
-    """A drive that is wrong before the probe has learnt teaches its fault to one that was not commissioned."""
+    """Probes that were not commissioned miss some: rows `safety.exported.probe_uncommissioned` of the proof."""
     probed = store.law("transparent", "unmeasured")
     kinds = _exported.PROBED_KINDS
-    known, blind = (
-        [t for index in range(3) for t in trials.try_faults(probed, index, SEED, kinds, commissioned=on)]
-        for on in (True, False)
-    )
+    known = [t for index in range(3) for t in trials.try_faults(probed, index, SEED, kinds)]
     assert all(trial.is_found and not trial.early for trial in known)
     assert max(t.excess for t in known) < 5.0
-    assert max(t.excess for t in known) <= max(t.excess for t in blind)
     assert max(t.found for t in known) < 3.0
     lives = [trials.live(probed, index, SEED, 60.0, reaching=1.0) for index in range(2)]
     assert not any(life.false_alarms for life in lives)
@@ -327,7 +323,8 @@ def test_a_wrong_rate_is_found_and_jitter_is_none(asked):
     assert all(trial.is_found and trial.found < 0.5 for trial in found)
     changed = {"clock_jitter": 0.2e-3, "clock_bits": 32.0, "clock_start": 2.0**32 - 20e6, "reaching": 1.0}
     lives = [trials.live(asked, index, SEED, 60.0, **changed) for index in range(2)]
-    assert not any(life.false_alarms for life in lives)
+    alarms = {alarm.fault for life in lives for alarm in life.alarms}
+    assert not alarms & set(_exported.CLOCK_FAULTS)
     assert all(life.running > 0.8 * 60.0 / 3600.0 for life in lives)
 
 

@@ -78,7 +78,7 @@ class Instruments:
         Largest torque in the EMG calibration [N m].
     start_up_answer : float or None
         Work of the start-up test's wave at commissioning, with a drive known to be right [J]. None uses bounds for any
-        robot, which allow a gain that is wrong by a factor of up to three.
+        robot, which allow a gain that is wrong by a factor of up to four.
     start_up_wave : float or None
         Amplitude of the wave that gave `start_up_answer` [N m or N]: a control law with another wave does not use the
         answer. None: that of the control law.

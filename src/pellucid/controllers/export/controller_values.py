@@ -55,7 +55,7 @@ NO_START_UP_TEST_NOTE = (
 """Note in the exported README if the controller has no test at start-up."""
 
 NO_ANSWER_NOTE = (
-    "The start-up test is not commissioned: it accepts a drive gain that is wrong by a factor of up to three. "
+    "The start-up test is not commissioned: it accepts a drive gain that is wrong by a factor of up to four. "
     f"Commission the robot before it is worn. {COMMISSIONING_CONDITION} Log time, position and effort of ten starts; "
     "pellucid commission --log checks the drive, and writes their response as start_up_answer into "
     "[rig.instruments]. Then export again."
@@ -64,7 +64,7 @@ NO_ANSWER_NOTE = (
 
 OTHER_ANSWER_NOTE = (
     "start_up_answer in [rig.instruments] was measured with another start-up test, and is not used: the test accepts "
-    "a drive gain that is wrong by a factor of up to three. Commission with the --controller and --slider that you "
+    "a drive gain that is wrong by a factor of up to four. Commission with the --controller and --slider that you "
     "export, then export again."
 )
 """Note in the exported README if the answer of the start-up test belongs to another wave."""
