@@ -136,6 +136,20 @@ def test_commanded_steps_are_not_clipped(make_study):
     assert not [f for f in faults(make_study(columns)) if f.kind == "clipped"]
 
 
+@pytest.mark.parametrize(("unit", "ratio"), [("rad", None), ("deg", 0.017), ("mrad", 0.001)])
+def test_a_position_in_another_unit_than_its_reference_is_found(make_study, unit, ratio):
+    """Such a unit gave a confident model whose inertia was wrong by the factor."""
+    columns = make_study.swing()
+    columns["want"] = columns["q"] + 0.01 * np.sin(9.0 * columns["t"])
+    channels = 'reference = { column = "want", unit = "rad" }\n'
+    study = make_study(columns, ('unit = "rad"', f'unit = "{unit}"'), ("[channels]\n", f"[channels]\n{channels}"))
+    found = [f for f in faults(study) if f.kind == "magnitude" and f.channel == "position"]
+    assert len(found) == (ratio is not None)
+    for fault in found:
+        assert fault.severity == "refuse"
+        assert fault.found == f"a motion of {ratio:.2g} times that of its reference, which it follows"
+
+
 def test_an_encoder_that_freezes(make_study):
     for first, last in ((400, 605), (400, 2000), (0, 600)):
 
