@@ -218,9 +218,11 @@ def test_a_spring_is_refused_and_a_virtual_study_is_commissioned(tmp_path):
     [
         (DriveCheck(-1, 1.0, 0.01, 1e-3, 10), "No", "its sign is reversed"),
         (DriveCheck(1, 1.4, 0.01, 1e-3, 10), "No", "its gain is 1.400 times the stated one"),
+        (DriveCheck(1, 56.268, 0.5, 1e-3, 10), "No",
+         "its gain is 56.268 times the stated one, as if positions were degrees instead of radians"),
         (DriveCheck(1, np.nan, np.nan, 1e-3, 10), "Cannot say", "the sign is right; the motion does not show the gain"),
     ],
-)
+)  # fmt: skip
 def test_a_commissioning_answers_whether_the_drive_follows(drive, badge, reason):
     answer = Commissioning("logs", drive, Answers(None, np.nan, None, 0, 10), (), "arm").answer
     assert (answer.badge, answer.reason) == (badge, reason)

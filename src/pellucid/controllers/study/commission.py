@@ -21,6 +21,7 @@ from ...study.answer import Answer, AnswerNumber, Basis, Step
 from ...study.study import Study
 from ..commissioning import (
     DRIVE_WAVE_FACTOR,
+    MAX_GAIN_ERROR,
     Answers,
     DriveCheck,
     Robot,
@@ -93,7 +94,9 @@ class Commissioning:
         if drive.sign < 0:
             reasons.append("its sign is reversed")
         elif not (drive.is_right or drive.is_open):
-            reasons.append(f"its gain is {drive.gain:.3f} times the stated one")
+            degrees = abs(drive.gain * math.pi / 180.0 - 1.0) <= MAX_GAIN_ERROR
+            guess = ", as if positions were degrees instead of radians" if degrees else ""
+            reasons.append(f"its gain is {drive.gain:.3f} times the stated one{guess}")
         known = np.isfinite(drive.gain)
         if drive.is_open and not self.gain_checked:
             return self._open_answer()
