@@ -90,7 +90,7 @@ template <class S> S step(const StartUpTestCoefficients<S>& c, StartUpTestState<
   const bool again = s.waves + 1 < start_up_waves && s.middle > c.params.most;
   const bool wrong = !(s.middle >= c.params.least && s.middle <= c.params.most) && !hardly_moved(c.params, s) && !again;
   const bool over = s.count >= 2 * c.params.samples;
-  const bool waits = s.count - 2 * c.params.samples < c.params.rest && shown(c.params, s) == SafetyFault::none;
+  const bool waits = over && s.count - 2 * c.params.samples < c.params.rest && shown(c.params, s) == SafetyFault::none;
   done = (over && !waits) || (s.count == c.params.samples && wrong);
   if (done && s.waves + 1 < start_up_waves && shown(c.params, s) == SafetyFault::gain) {
     const std::uint32_t waves = s.waves + 1;
