@@ -300,12 +300,9 @@ def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
         apart = float(np.abs(asked - start.effort).max())
         is_own = apart <= MAX_EFFORT_DIFFERENCE * law.values["effort_limit"]
         work = _wave_work(law, start)
-        first = np.flatnonzero(start.effort)[:1]
         half = round(law.supervision["test_samples"])
-        peak = float(np.abs(start.effort[int(first[0]) :][:half]).max()) if first.size else 0.0
-        # The law's own wave, which a limit of its rate makes smaller.
-        began = np.flatnonzero(asked)[:1]
-        own = float(np.abs(asked[int(began[0]) :][:half]).max()) if began.size else wave
+        # The law's own wave is that of the replay, which a limit of its rate makes smaller.
+        peak, own = _first_peak(start.effort, half), _first_peak(asked, half) or wave
         if wave > 0.0 and abs(peak - own) > MAX_WAVE_DIFFERENCE * own:
             said = f"the wave of a start has an amplitude of {peak:.3g}, that of the exported controller {own:.3g}"
             notes[f"{said}: the response of the start-up test was not computed"] = None
@@ -327,6 +324,12 @@ def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
     if probe is None and law.supervision["probe_effort"] > 0.0:
         notes["too little motion while the controller was running to compute the probe's response"] = None
     return Answers(mean, spread, probe, int(sum(windows)), len(works), tuple(notes), wave)
+
+
+def _first_peak(effort: np.ndarray, half: int) -> float:
+    """Return the largest effort within the first `half` samples from where it begins; 0 without any."""
+    pushed = np.flatnonzero(effort)
+    return float(np.abs(effort[pushed[0] :][:half]).max()) if pushed.size else 0.0
 
 
 def _required(law: SupervisedLaw) -> tuple[str, ...]:
