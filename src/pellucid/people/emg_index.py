@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy import fft
 from scipy.special import stdtrit
 
 from .._errors import RecordingError
@@ -359,13 +360,11 @@ def _explained(x: np.ndarray, y: np.ndarray, longest: int) -> np.ndarray:
     Both have hardly a mean once what is slow is gone: one product of spectra gives all lags of a covariance.
     """
     lags = np.arange(-longest, longest + 1)
-    inverse, least = np.linalg.inv(y.T @ y / len(y)), len(x) + longest
-    # The shortest length of few small factors, which a Fourier transform takes fast.
-    size = min(part << (-(-least // part) - 1).bit_length() for part in (1, 3, 5, 9, 15))
-    causes, envelopes = np.fft.rfft(y.T, size), np.fft.rfft(x.T, size)
+    inverse, size = np.linalg.inv(y.T @ y / len(y)), fft.next_fast_len(len(x) + longest, real=True)
+    causes, envelopes = fft.rfft(y.T, size), fft.rfft(x.T, size)
     shares = []
     for envelope, own in zip(envelopes, x.T, strict=True):
-        c = np.fft.irfft(causes * envelope.conj(), size)[:, lags] / (len(x) - np.abs(lags))
+        c = fft.irfft(causes * envelope.conj(), size)[:, lags] / (len(x) - np.abs(lags))
         shares.append(np.sum(c * (inverse @ c), axis=0) / np.var(own))
     return np.mean(shares, axis=0)
 
