@@ -237,7 +237,8 @@ def protect_wearer(
             _ = made.supervised
         except PellucidError as error:
             if asked is None:
-                notes = (*values.notes, f"The supervisor has no probe of drive and encoder: {error}.")
+                reason = str(error).removeprefix("probe: ")
+                notes = (*values.notes, f"The supervisor has no probe of drive and encoder: {reason}.")
                 return replace(values, instruments=replace(decided, probe=False), notes=notes)
             raise PellucidError(
                 f"{place}: {error}. Instead of a probe, state a measurement in [rig.instruments.drive_sensor], or "
