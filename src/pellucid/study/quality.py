@@ -12,8 +12,8 @@ import numpy as np
 from .._errors import UnfitRecordingError
 from ..files.cut import MAX_EVEN_JITTER, sound_samples
 from ..files.defects import clipped, limited, sensor_range
-from ..files.defects.magnitude import compare_with_reference, find_implausible, has_constant_speeds, is_tumbling
-from ..files.defects.watched import WatchedRecording, joint_ending
+from ..files.defects.magnitude import find_implausible, has_constant_speeds, is_tumbling, wrong_ratio
+from ..files.defects.watched import WatchedRecording
 from ..files.delay import SHIFTED_KIND
 from ..files.fault import Fault, fault_of
 from ..files.optical_faults import find_optical_faults
@@ -450,12 +450,12 @@ def _check_magnitude(watched: WatchedRecording, study: Study, add: AddFault) -> 
         severity = ("warn" if steady else "refuse") if name in watched.channels else "note"
         add(severity, "magnitude", name, found=found, expected=wanted)
     for name in watched.channels:
-        reference = recording.channels.get(f"reference{joint_ending(name)}")
-        if name.partition(".")[0] != "position" or reference is None or reference.unit != recording.channels[name].unit:
+        reference = watched.reference(name) if name.partition(".")[0] == "position" else None
+        if reference is None:
             continue
         kept = recording.sound & recording.enabled
-        ratio = compare_with_reference(recording[name][kept], reference.samples[kept])
-        if ratio != 1.0:
+        ratio = wrong_ratio(recording[name][kept], reference.samples[kept])
+        if ratio is not None:
             found = f"a motion of {ratio:.2g} times that of its reference, which it follows"
             add("refuse", "magnitude", name, found=found, expected=f"about as much: the units of {name} and reference")
     if recording.advances and recording.fs < 5.0:

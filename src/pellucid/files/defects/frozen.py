@@ -16,7 +16,7 @@ from ..cut import Cut
 from ..recording import make_cut
 from .rest import is_at_rest, is_only_noise
 from .scale import Scale
-from .watched import WatchedRecording, find_runs, joint_ending, repeats_next
+from .watched import WatchedRecording, find_runs, repeats_next
 
 KIND = "frozen_encoder"
 
@@ -111,10 +111,8 @@ def frozen_rests(
 
 def _reference(watched: WatchedRecording, position: str) -> np.ndarray | None:
     """Return the position's reference; None if there is none, or if it is a velocity."""
-    channels, name = watched.recording.channels, f"reference{joint_ending(position)}"
-    if name not in channels or channels[name].unit != channels[position].unit:
-        return None
-    return watched.samples(name)
+    found = watched.reference(position)
+    return None if found is None else watched.samples(found.name)
 
 
 class _MotionStatistics:

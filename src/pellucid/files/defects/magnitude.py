@@ -54,6 +54,13 @@ class MagnitudeLimits:
     max_guessed_magnitude: float = 1e4
     # Largest plausible magnitude in SI units of a channel that has no bound of its own. Chosen by judgement.
     max_magnitude: float = 1e9
+    # A position that moves this many times as far as its reference, or as little, has another unit or ratio than it.
+    # Chosen by judgement: no loop that follows its reference is that far off, and no two units of an angle or a length
+    # that are confused are closer than mm and cm.
+    min_unit_factor: float = 8.0
+    # Smallest correlation of a position with its reference, and number of samples, at which they are compared.
+    min_following: float = 0.95
+    min_compared_samples: int = 100
 
 
 MAGNITUDE_LIMITS = MagnitudeLimits()
@@ -90,31 +97,21 @@ def find_implausible(channel: Channel, known_limit: float = 0.0) -> ImplausibleM
     return ImplausibleMagnitude(largest, limit, probable_unit, is_typical)
 
 
-MIN_UNIT_FACTOR = 8.0
-"""A position that moves this many times as far as its reference, or as little, has another unit or ratio than it.
-
-Chosen by judgement: no loop that follows its reference is that far off, and no two units of an angle or a length that
-are confused are closer than mm and cm."""
-
-MIN_FOLLOWING = 0.95
-"""Smallest correlation of a position with its reference at which their sizes are compared [1]."""
-
-
-def compare_with_reference(position: np.ndarray, reference: np.ndarray) -> float:
+def wrong_ratio(position: np.ndarray, reference: np.ndarray) -> float | None:
     """Return how many times as far as its reference a position moves, if that is far too much or too little.
 
-    Both have shape (n,) and the same unit; NaN is no reading. 1 where nothing is wrong, or where the position does not
-    follow the reference.
+    Both have shape (n,) and the same unit; NaN is no reading. None where nothing is wrong, or where the position does
+    not follow the reference.
     """
     known = np.isfinite(position) & np.isfinite(reference)
-    if np.count_nonzero(known) < MAGNITUDE_LIMITS.min_tumbling_samples:
-        return 1.0
+    if np.count_nonzero(known) < MAGNITUDE_LIMITS.min_compared_samples:
+        return None
     q, wanted = position[known], reference[known]
     sizes = float(np.std(q)), float(np.std(wanted))
-    if not min(sizes) > 0.0 or not np.corrcoef(q, wanted)[0, 1] >= MIN_FOLLOWING:
-        return 1.0
+    if not min(sizes) > 0.0 or not np.corrcoef(q, wanted)[0, 1] >= MAGNITUDE_LIMITS.min_following:
+        return None
     ratio = sizes[0] / sizes[1]
-    return 1.0 if 1.0 / MIN_UNIT_FACTOR < ratio < MIN_UNIT_FACTOR else ratio
+    return None if 1.0 / MAGNITUDE_LIMITS.min_unit_factor < ratio < MAGNITUDE_LIMITS.min_unit_factor else ratio
 
 
 def has_constant_speeds(time: np.ndarray, angle: np.ndarray) -> bool:

@@ -42,9 +42,9 @@ def is_at_rest(watched: WatchedRecording, position: str, first: int, last: int) 
     moving = [channels[n].samples for n in others if np.nanmax(channels[n].samples) > np.nanmin(channels[n].samples)]
     if moving and all(np.ptp(x[inside]) <= REST_QUANTA * Scale(x).resolution for x in moving):
         return True
-    reference = f"reference{ending}"
-    if reference in channels and channels[reference].unit == channels[position].unit:
-        r, q = channels[reference].samples, channels[position].samples
+    reference = watched.reference(position)
+    if reference is not None:
+        r, q = reference.samples, channels[position].samples
         span = max(float(np.nanmax(q) - np.nanmin(q)), 1e-300)
         still = np.ptp(r[inside]) <= REST_QUANTA * Scale(r).resolution
         return bool(still and np.nanmax(np.abs(r[inside] - q[inside])) <= MAX_REST_ERROR_SHARE * span)

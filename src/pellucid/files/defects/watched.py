@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..cut import Cut, sound_samples
-from ..recording import Recording
+from ..recording import Channel, Recording
 
 INERTIAL_CHANNELS = ("position", "motor_position", "angle", "displacement")
 """Channels, by the first part of their names, that cannot jump because a body's inertia prevents it."""
@@ -50,6 +50,12 @@ class WatchedRecording:
         """Return a channel's samples, shape (n,) in SI; NaN where they are cut or the drive was off."""
         values = self.recording[name]
         return values if self.usable.all() else np.where(self.usable, values, np.nan)
+
+    def reference(self, position: str) -> Channel | None:
+        """Return the channel that a position follows; None without one, or in another unit, such as a velocity's."""
+        channels = self.recording.channels
+        found = channels.get(f"reference{joint_ending(position)}")
+        return found if found is not None and found.unit == channels[position].unit else None
 
     def without(self, cuts: Iterable[Cut]) -> WatchedRecording:
         """Return a copy in which `cuts` are cut out too."""
