@@ -505,13 +505,13 @@ def supervision() -> str:
     results = json.loads(SUPERVISOR_RESULTS.read_text(encoding="utf-8"))
     names = {"drive_reversed": "reversed", "drive_triple": "three times", "drive_stuck": "stuck", "drive_dead": "dead"}
     panel = Panel(
-        "fault of the drive", "largest excess energy [J]", "Simulated faults", y_log=True, y_range=(0.01, 100.0)
+        "fault of the drive", "largest excess energy [J]", "Simulated faults", y_log=True, y_range=(0.001, 100.0)
     )
     panel.x_names = list(names.values())
     for colour, (robot, words) in enumerate({"blind": "no measurement, no probe", "unmeasured": "default export",
                                              "drive_measured": "measured drive"}.items()):  # fmt: skip
         energy = {f["fault"]: f["excess"] for f in results["faults"] if f["robot"] == robot}
-        panel.bars(np.arange(len(names), dtype=float), [max(energy[n], 0.01) for n in names], words, colour)
+        panel.bars(np.arange(len(names), dtype=float), [max(energy[n], 0.001) for n in names], words, colour)
     return figure([panel], "Largest excess energy of four drive faults for three kinds of instruments")
 
 

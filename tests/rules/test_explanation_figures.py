@@ -61,6 +61,12 @@ def test_a_figure_is_drawn_again_by_its_command(figures, tmp_path, monkeypatch):
         assert re.findall(r">([^<]+)</text>", made) == re.findall(r">([^<]+)</text>", kept.read_text(encoding="utf-8"))
 
 
+def test_the_figure_of_the_supervision_shows_the_stored_results(figures):
+    """Its bars are heights only: a figure of older results had the same words."""
+    kept = ROOT / "docs" / "images" / "explanation" / "supervision.svg"
+    assert figures.supervision() == kept.read_text(encoding="utf-8")
+
+
 def test_an_unknown_figure_is_named(figures, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["figures.py", "colours"])
     with pytest.raises(SystemExit, match="found colours"):
