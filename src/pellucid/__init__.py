@@ -11,6 +11,8 @@ costs nothing.
 
 from __future__ import annotations
 
+import gc
+
 import lazy_loader
 
 _LAB_NAMES = ("demo", "predict", "reproduce", "simulate")
@@ -34,6 +36,8 @@ def __getattr__(name: str):
 
         near = "".join(f"; did you mean {each!r}?" for each in get_close_matches(name, __dir__(), 1))
         raise AttributeError(f"module 'pellucid' has no attribute {name!r}{near}; it has {', '.join(__dir__())}")
+    is_collecting = gc.isenabled()
+    gc.disable()  # an import makes many objects and no garbage
     try:
         return _lab_name(name) if name in _LAB_NAMES else _load(name)
     except ModuleNotFoundError as error:
@@ -42,6 +46,9 @@ def __getattr__(name: str):
             raise
         text = f"pellucid.{name} needs {missing}, which this installation lacks"
         raise ModuleNotFoundError(text, name=missing) from None
+    finally:
+        if is_collecting:
+            gc.enable()
 
 
 def _lab_name(name: str):

@@ -5,7 +5,6 @@ Large modules are imported only when a command runs, so that ``pellucid --help``
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -1023,8 +1022,6 @@ def main() -> None:
     # The matrices are small, so that threads would only wait for each other. NumPy reads the variable when it is
     # loaded.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # After every 700 new objects, as Python has it, the search for unused ones takes 3 % of an assessment.
-    gc.set_threshold(50_000)
     replace_unprintable_characters()
     try:
         app()
