@@ -166,7 +166,7 @@ def test_parts_of_a_study_are_valid(page, tmp_path):
     for block in blocks_of(page):
         if block.language == "toml" and "study" in block.comment:
             (tmp_path / "study.toml").write_text(toml_text({**whole, **tomllib.loads(block.text)}), encoding="utf-8")
-            parse_study_file(tmp_path / "study.toml", study_model())
+            parse_study_file(tmp_path / "study.toml", study_model)
 
 
 @pytest.mark.parametrize("page", [pytest.param(page, marks=MARKS.get(page.name, LONG), id=page.name) for page in PAGES])

@@ -8,7 +8,7 @@ import pytest
 from pellucid._errors import IdentificationError, PellucidError, RecordingError, StudyError
 from pellucid.emg.study.onset.onset_table import OnsetTable
 from pellucid.orthosis.study.hinge.hinge_table import HingeTable
-from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.registry import ALL_PROCEDURES, open_study
 
 
 def test_everything_is_si(make_study):
@@ -402,3 +402,4 @@ def test_a_table_is_taken_by_its_class(make_study):
         study.table(HingeTable)
     with pytest.raises(IdentificationError, match=r"study.toml: found no table \[hinge\], expected one"):
         study.config.table(HingeTable)
+    assert all(p.table.table_name() == p.name for p in ALL_PROCEDURES if p.table is not None)

@@ -47,7 +47,7 @@ MAX_WRITTEN_BYTES = 10_000
 
 def study_config(tables: Mapping[str, Any]) -> StudyFile:
     """Return a validated study.toml, from its tables."""
-    return study_model().model_validate(tables, context=rig_units(tables))
+    return study_model(tables).model_validate(tables, context=rig_units(tables))
 
 
 def write_study(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -99,7 +99,7 @@ class Study(StudySource):
         """
         found = self.find_table(kind)
         if found is None:
-            name = self.config.table_name(kind)
+            name = kind.table_name()
             raise IdentificationError(f"{self.folder}: found no table [{name}] in study.toml, expected one")
         return found
 
@@ -223,20 +223,20 @@ class Study(StudySource):
 
 def open_folder(
     folder: str | os.PathLike,
-    model: type[StudyFile] | None = None,
+    model: Callable[[Collection[str] | None], type[StudyFile]],
     *,
     out: str | os.PathLike | None = None,
     allow_outside: bool = False,
 ) -> Study:
     """Open a study's folder. Recordings are read only when they are used."""
-    from .study_file import StudyFile, parse_study_file
+    from .study_file import parse_study_file
 
     folder = require_path(folder, "open: folder")
     require_folder(folder, f"a study: the folder with a {STUDY_FILE} in it", StudyError)
     if out is not None:
         require_folder(Path(out), "a folder to write to")
     path = require_inside(folder / STUDY_FILE, folder, allow_outside, str(folder))
-    config = parse_study_file(path, model or StudyFile)
+    config = parse_study_file(path, model)
     if out is not None:
         _require_own_results(Path(out), folder, config.name)
     return Study(folder, config, out=None if out is None else Path(out), allow_outside=allow_outside)

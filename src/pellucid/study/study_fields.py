@@ -84,6 +84,11 @@ class ProcedureTable(StudyTable):
     # Whether the procedure handles gaps and missing samples by itself; otherwise they are cut out
     bridges: ClassVar[bool] = True
 
+    @classmethod
+    def table_name(cls) -> str:
+        """Return its name in study.toml: that of `EmgTorqueTable` is ``emg_torque``."""
+        return re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__.removesuffix("Table")).lower()
+
     def reads(self, channel: str, stream: str) -> bool:
         """Return whether spikes in a channel would spoil the result; `stream` is "" for the recording's own file."""
         return False

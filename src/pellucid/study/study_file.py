@@ -7,9 +7,9 @@ Quantities are texts with a unit; they become SI numbers here. The docstring of 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -1323,13 +1323,8 @@ class StudyFile(StudyTable):
         """Return the table of a class that asks for a procedure; IdentificationError where study.toml has none."""
         found = self.find_table(kind)
         if found is None:
-            raise IdentificationError(f"study.toml: found no table [{self.table_name(kind)}], expected one")
+            raise IdentificationError(f"study.toml: found no table [{kind.table_name()}], expected one")
         return found
-
-    def table_name(self, kind: type[ProcedureTable]) -> str:
-        """Return the name that study.toml has for tables of a class."""
-        fields = type(self).model_fields
-        return next((name for name, each in fields.items() if kind in get_args(each.annotation)), kind.__name__)
 
     def joined_channels(self, stream: str) -> dict[str, ChannelSpec]:
         """Return the channels that a joined stream adds to a recording."""
@@ -1354,6 +1349,8 @@ class StudyFile(StudyTable):
 
 def study_file_model(tables: Mapping[str, type[ProcedureTable]]) -> type[StudyFile]:
     """Return `StudyFile` with a field for each table that may request a procedure, by the table's name."""
+    if not tables:
+        return StudyFile
     fields: dict[str, Any] = {name: (table | None, None) for name, table in tables.items()}
     return create_model("StudyFile", __base__=StudyFile, **fields)
 
@@ -1475,8 +1472,14 @@ def _joint_units(rig: Mapping[str, Any], channels: Collection[str]) -> dict[str,
     }
 
 
-def parse_study_file(path: Path, model: type[StudyFile] = StudyFile) -> StudyFile:
-    """Read and check a study.toml."""
+def parse_study_file(
+    path: Path, model: Callable[[Collection[str] | None], type[StudyFile]] = lambda names: StudyFile
+) -> StudyFile:
+    """Read and check a study.toml.
+
+    `model` returns a model with the procedures' tables among some names: those in the file, since importing all tables
+    takes longer than reading one; or with None, every table.
+    """
     try:
         text = read_given(path, MAX_FILE_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
@@ -1485,9 +1488,9 @@ def parse_study_file(path: Path, model: type[StudyFile] = StudyFile) -> StudyFil
         raise StudyError(f"{path}: not readable: {error}") from error
     raw = parse_toml(text, str(path))
     try:
-        return model.model_validate(raw, context=rig_units(raw))
+        return model(raw).model_validate(raw, context=rig_units(raw))
     except ValidationError as error:
-        raise StudyError(explain_errors(error, path, text, model)) from None
+        raise StudyError(explain_errors(error, path, text, model(None))) from None
     except StudyError:
         raise
     except (TypeError, ValueError, KeyError, AttributeError, ArithmeticError, RecursionError) as error:

@@ -103,7 +103,7 @@ class Procedure(ABC, Generic[Table, Found]):
 
     def asked(self, study: Study) -> bool:
         """Return whether a study asks for this procedure."""
-        return self.table is not None and study.find_table(self.table) is not None
+        return study.has_table(self.name)
 
     def table_of(self, study: Study) -> Any:
         """Return the table of a study that asks for this procedure; None where other tables do."""

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Collection
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
@@ -43,12 +44,16 @@ def asked(study: Study, name: str | None = None) -> tuple[Procedure, ...]:
     return tuple(p for p in ALL_PROCEDURES if name in (None, p.command, p.name) and p.asked(study))
 
 
+def study_model(names: Collection[str] | None = None) -> type[StudyFile]:
+    """Return the model of study.toml with the tables of all procedures, or only of those among `names`."""
+    return _study_model(tuple(p for p in ALL_PROCEDURES if names is None or p.name in names))
+
+
 @cache
-def study_model() -> type[StudyFile]:
-    """Return the model of study.toml with the table of every procedure."""
+def _study_model(procedures: tuple[Procedure, ...]) -> type[StudyFile]:
     from ..study_file import study_file_model
 
-    return study_file_model({p.name: p.table for p in ALL_PROCEDURES if p.table is not None})
+    return study_file_model({p.name: p.table for p in procedures if p.table is not None})
 
 
 def open_study(
@@ -93,7 +98,7 @@ def open_study(
     """
     from ..study import open_folder
 
-    study = open_folder(folder, study_model(), out=out, allow_outside=allow_outside)
+    study = open_folder(folder, study_model, out=out, allow_outside=allow_outside)
     return replace(study, accept_stale=True) if accept_stale else study
 
 
