@@ -57,15 +57,13 @@ def find_garbage(time: np.ndarray | None, channels: Mapping[str, np.ndarray]) ->
     n = len(time) if time is not None else len(next(iter(channels.values()), ()))
     bad, causes = np.zeros(n, bool), []
     for name, x in channels.items():
-        with np.errstate(invalid="ignore"):
-            wild = np.abs(x) > MAX_SANE_MAGNITUDE
-        if wild.any():
+        if max(np.fmax.reduce(x, initial=0.0), -np.fmin.reduce(x, initial=0.0)) > MAX_SANE_MAGNITUDE:
             causes.append(name)
-            bad |= wild
-    backwards = np.zeros(n, bool) if time is None else _rows_out_of_time(time)
+            bad |= np.abs(x) > MAX_SANE_MAGNITUDE
+    backwards = np.zeros(n, bool)
     edge = max(1, int(MAX_GARBAGE_SHARE * n))
-    if time is not None:
-        backwards |= _rows_beyond_a_reset(time, edge)
+    if time is not None and not _is_even(time):
+        backwards = _rows_out_of_time(time) | _rows_beyond_a_reset(time, edge)
     head, tail = _block(bad | backwards, edge), _block((bad | backwards)[::-1], edge)
     if not head and not tail:
         return None
@@ -148,6 +146,12 @@ def _block(bad: np.ndarray, edge: int) -> int:
         end = place + 1
     # A block that goes on inside is no edge.
     return 0 if end >= edge > 1 and len(bad) > edge and bad[edge] else end
+
+
+def _is_even(time: np.ndarray) -> bool:
+    """Return whether no step of a time, (n,), is wrong: the shortest advances, and the longest is no gap beside it."""
+    steps = np.diff(time)
+    return len(steps) > 0 and 0.0 < float(steps.max()) <= MIN_TIME_STEP_RATIO * float(steps.min())
 
 
 def _rows_beyond_a_reset(time: np.ndarray, edge: int) -> np.ndarray:

@@ -273,7 +273,9 @@ def _samples_beyond(
     ends = [of.top[sign] + _margin(error, of.half) for (sign, _), (_, error) in told.items()]
     counts = np.zeros(len(signs), int)
     for block in _blocks(len(of.recorded)):  # the columns of a block serve all regressions
-        counts += np.sum((of.columns(block) @ values > ends) & of.usable[block, None], axis=0)
+        beyond = of.columns(block) @ values > ends
+        if beyond.any():  # as good as never, and a sum over few columns takes as long as the columns
+            counts += np.sum(beyond & of.usable[block, None], axis=0)
     return dict(zip(told, counts.tolist(), strict=True))
 
 
@@ -331,7 +333,8 @@ def _averaged(x: np.ndarray, known: np.ndarray, width: int) -> np.ndarray:
             around = smooth[max(first, 0) : stop]
             if first < 0 or stop > n:
                 around = np.pad(around, (max(-first, 0), max(stop - n, 0)), "edge")
-            sums = np.cumsum(np.concatenate(([0.0], around)))
-            made[rows] = (sums[width:] - sums[:-width]) / width
+            sums = np.zeros(len(around) + 1)
+            np.cumsum(around, out=sums[1:])
+            np.divide(sums[width:] - sums[:-width], width, out=made[rows[0] : rows[-1] + 1])
         smooth = made
     return smooth
