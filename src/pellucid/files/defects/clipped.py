@@ -15,7 +15,7 @@ from ..cut import Cut
 from ..recording import make_cut
 from .rest import comes_to_rest, is_at_rest, is_own_speed
 from .scale import Scale
-from .watched import INERTIAL_CHANNELS, WatchedRecording, find_runs, is_out_of_contact, joint_ending
+from .watched import INERTIAL_CHANNELS, WatchedRecording, find_runs, finite_range, is_out_of_contact, joint_ending
 
 KIND = "clipped"
 
@@ -83,10 +83,9 @@ def is_dwell(watched: WatchedRecording, name: str, first: int, last: int) -> boo
 def flat_tops(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return first index and length of the runs in which `x`, shape (n,), is clipped at its maximum."""
     none = np.zeros(0, int), np.zeros(0, int)
-    finite = np.isfinite(x)
-    if not finite.any():
+    low, top = finite_range(x)
+    if low > top:
         return none
-    top, low = float(np.max(x, where=finite, initial=-np.inf)), float(np.min(x, where=finite, initial=np.inf))
     starts, lengths = find_runs(x >= top - 1e-9 * (top - low))
     long = lengths >= CLIP_LIMITS.min_flat_run_samples
     starts, lengths = starts[long], lengths[long]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..recording import Channel
+from .watched import finite_range
 
 # For each quantity and SI unit: the largest plausible magnitude of a wearable joint, and the unit that is probably
 # meant if a value is larger. The magnitudes were chosen by judgement; no measurement is recorded.
@@ -78,21 +79,22 @@ class ImplausibleMagnitude:
 
 def find_implausible(channel: Channel, known_limit: float = 0.0) -> ImplausibleMagnitude | None:
     """Return the magnitude of a channel if it is implausible, else None; a larger `known_limit` [SI] is plausible."""
+    samples = channel.samples
+    low, high = finite_range(samples)
+    largest = max(-low, high, 0.0)
     limit, probable_unit = _MAX_PLAUSIBLE.get(
         (channel.name.partition(".")[0], channel.unit), (MAGNITUDE_LIMITS.max_magnitude, "")
     )
     if channel.name.startswith("emg.") and channel.unit == "V":
         limit, probable_unit = _MAX_PLAUSIBLE_EMG
-        if float(np.max(np.abs(channel.samples), where=np.isfinite(channel.samples), initial=0.0)) > _MAX_EMG_MV:
+        if largest > _MAX_EMG_MV:
             probable_unit = "uV"
     limit = max(limit, known_limit)
-    finite = np.isfinite(channel.samples)
-    largest = float(np.max(np.abs(channel.samples), where=finite, initial=0.0))
     if largest <= limit:
         return None
     if largest > MAGNITUDE_LIMITS.max_guessed_magnitude and channel.name != "time":
         probable_unit = ""
-    magnitudes = np.abs(channel.samples[finite][:: max(1, len(channel) // 200_000)])
+    magnitudes = np.abs(samples[np.isfinite(samples)][:: max(1, len(channel) // 200_000)])
     is_typical = bool(np.quantile(magnitudes, MAGNITUDE_LIMITS.typical_quantile) > 0.1 * limit)
     return ImplausibleMagnitude(largest, limit, probable_unit, is_typical)
 

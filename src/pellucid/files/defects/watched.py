@@ -75,6 +75,15 @@ def repeats_next(x: np.ndarray) -> np.ndarray:
     return (x[1:] == x[:-1]) & np.isfinite(x[1:])
 
 
+def finite_range(x: np.ndarray) -> tuple[float, float]:
+    """Return the smallest and the largest finite number of `x`, (n,); infinity and its negative without one."""
+    low, high = float(np.min(x, initial=np.inf)), float(np.max(x, initial=-np.inf))
+    if np.isfinite(high - low):  # so that most channels need no mask, which makes NumPy slow
+        return low, high
+    finite = np.isfinite(x)
+    return float(np.min(x, where=finite, initial=np.inf)), float(np.max(x, where=finite, initial=-np.inf))
+
+
 def find_runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return first index and length of each run of True in `mask`."""
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
