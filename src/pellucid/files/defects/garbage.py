@@ -149,7 +149,7 @@ def _block(bad: np.ndarray, edge: int) -> int:
 
 
 def _is_even(time: np.ndarray) -> bool:
-    """Return whether no step of a time, (n,), is wrong: the shortest advances, and the longest is no gap beside it."""
+    """Return whether no step of a time, (n,), is wrong: the shortest advances, the longest is no gap."""
     steps = np.diff(time)
     return len(steps) > 0 and 0.0 < float(steps.max()) <= MIN_TIME_STEP_RATIO * float(steps.min())
 
