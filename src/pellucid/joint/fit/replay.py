@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import Field, dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,11 +27,13 @@ from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...models.simulate import JointTrace, LoopSetting, simulate
 from ...numerics.motion import Motion, differentiate
-from ...numerics.posterior.posterior import LinearisedModel, Noise, Posterior, Prior, summary
 from ...numerics.regression import Stack, predict_effort_rows, regression_rows
 from ...numerics.uncertainty import block_length, correlation_time, degrees_of_freedom, student_to_normal_ratio
 from .discrepancy import neglected_columns
 from .joint_estimate import JointEstimate, joint_states
+
+if TYPE_CHECKING:
+    from ...numerics.posterior.posterior import Posterior
 
 COMPARED_SIGNALS = ("position", "velocity", "acceleration", "effort")
 """Signals in which a simulation is compared with the recording."""
@@ -419,6 +422,8 @@ def joint_posterior(estimate: JointEstimate, data: Stack[Motion], **sampling) ->
 
     `sampling` is passed on to `drawn`.
     """
+    from ...numerics.posterior.posterior import LinearisedModel, Noise, Prior, summary
+
     model, values, lengths = estimate.model, estimate.array, data.lengths
     samples = sum(len(m.effort) for m in data.motions)
     if not model.linear and samples > MAX_NONLINEAR_SAMPLES:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from ...models.causes import Cause
 from ...models.estimates import Parameter
 from ...models.friction_terms import TERMS
 from ...numerics.motion import Motion
-from ...numerics.posterior.posterior import Posterior
 from ...numerics.regression import Stack, regression_rows, stack
 from ...numerics.uncertainty import sandwich_covariance
 from ...study.drive_channel import drive_channel
@@ -28,6 +28,9 @@ from ..fit.headline_choice import HeadlineChoice
 from ..fit.presliding import Presliding
 from ..fit.replay import Machine
 from ..fit.unknown_payload import UnknownPayload, estimate_payload
+
+if TYPE_CHECKING:
+    from ...numerics.posterior.posterior import Posterior
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,6 @@ from ...numerics.spring_evidence import (
 from ...study.cause_words import cause_sentence
 from ...study.pages.quantities import METHODS, interval_text, number, parameter_label, unit_text
 from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
-from ...study.procedures.posterior_beside import pair_with_posterior, posterior_verdicts
 from ..fit.friction_family import FamilyFit, added_terms
 from ..fit.friction_solver import solve_family
 from ..fit.headline_choice import Candidate
@@ -743,6 +742,8 @@ def report_posterior(case: JointCase) -> Iterator[Verdict]:
     if case.no_posterior:
         yield Verdict("warning", f"The posterior could not be sampled: {case.no_posterior}.")
     if case.posterior is not None:
+        from ...study.procedures.posterior_beside import pair_with_posterior, posterior_verdicts
+
         compared = pair_with_posterior(case.fit.estimate.parameters, case.posterior)
         yield from posterior_verdicts(compared, case.posterior, case.level)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +15,6 @@ from ...models.estimates import Parameter
 from ...models.joint import FAMILIES, JointModel, joint_model
 from ...models.simulate import LoopSetting
 from ...numerics.motion import Motion
-from ...numerics.posterior.ensemble import require_sampler
-from ...numerics.posterior.posterior import Posterior
 from ...numerics.regression import Stack, stack
 from ...study.drive_channel import drive_channel
 from ...study.procedures.dead_effort import require_live_effort
@@ -39,6 +38,9 @@ from ..fit.slip_direction import choose_direction
 from . import joint_findings
 from .aligned_motions import align_recordings, require_clocks, simple_model
 from .joint_faults import require_sign, require_velocity
+
+if TYPE_CHECKING:
+    from ...numerics.posterior.posterior import Posterior
 
 # Costs of steps are processor times measured on three public data sets, relative to a fit of symmetric friction.
 
@@ -100,6 +102,8 @@ def solve_joint(
         if name not in FAMILIES:
             raise IdentificationError(f"unknown friction family '{name}'; known: {', '.join(FAMILIES)}")
     if study.model.posterior:
+        from ...numerics.posterior.ensemble import require_sampler
+
         require_sampler()
     posterior_cost = {"drawing a posterior": POSTERIOR_COST} if study.model.posterior else {}
     steps = CostedSteps(

@@ -22,7 +22,6 @@ from ..._tabular import data_frame
 from ...models.card import Card, write_card
 from ...models.estimates import Parameter, Verdict, rank_verdicts
 from ...models.parameter_card import ParameterCard, write_parameter_card
-from ...models.tree_card import TreeCard, write_tree_card
 from ..answer import Answer, answer_lines, answer_of_findings
 from ..kept import hold_lock, keep_result, read_kept
 from ..results import ResultRow, replace_rows
@@ -33,6 +32,7 @@ from .result_tables import ParameterTable as ParameterTable
 if TYPE_CHECKING:
     import pandas
 
+    from ...models.tree_card import TreeCard
     from ..study import Study
 
 @runtime_checkable
@@ -325,6 +325,8 @@ class Result:
 
 
 def _write(path: Path, card: Card | ParameterCard | TreeCard | DomainCard) -> None:
+    from ...models.tree_card import TreeCard, write_tree_card
+
     if isinstance(card, TreeCard):
         write_tree_card(path, card)
     elif isinstance(card, DomainCard):
