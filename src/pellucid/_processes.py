@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, nullcontext
 from functools import wraps
-from multiprocessing import parent_process
 from threading import Lock
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor, Future
+
     from loky import ProcessPoolExecutor
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -55,6 +55,8 @@ class InlineExecutor:
 
     def submit(self, function: Callable, *arguments: Any) -> Future:
         """Run the function and return a future that is done."""
+        from concurrent.futures import Future
+
         outcome: Future = Future()
         outcome.set_result(function(*arguments))
         return outcome
@@ -66,6 +68,8 @@ def worker_count(workers: int | None = None) -> int:
     A helper process starts no helpers of its own: its siblings already use the other processors, and a cluster's worker
     may not have children.
     """
+    from multiprocessing import parent_process
+
     return 1 if parent_process() else workers or os.cpu_count() or 1
 
 
@@ -76,6 +80,8 @@ def finished_results(
 
     An `executor`, such as a cluster's, replaces the processes of this machine.
     """
+    from concurrent.futures import FIRST_COMPLETED, wait
+
     workers = worker_count(workers)
     if workers <= 1 and executor is None:
         for i, (make, *arguments) in enumerate(jobs):
@@ -99,6 +105,8 @@ def results_with_helpers(
     This process works too, because it has already loaded what the others must load first. Before each job, `begun` is
     called with its index and the share of finished jobs. Long jobs should come first.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     from threadpoolctl import threadpool_limits
 
     workers = min(worker_count(workers), len(jobs))
