@@ -33,6 +33,17 @@ def test_it_exceeds_the_true_friction_in_one_case_of_twenty(steady):
     assert np.median(share) > 0.5
 
 
+def test_draws_follow_their_covariance_and_no_rounding():
+    # Equal spreads: rounding chooses the eigenvectors.
+    covariance = np.diag([1.0, 1.0, 4.0]) * 1e-4
+    rounded = covariance + 1e-16 * np.random.default_rng(3).standard_normal((3, 3))
+    assert draw_normal(VALUES, rounded) == pytest.approx(draw_normal(VALUES, covariance), abs=1e-9)
+    units = np.diag([1e-4, 1.0, 100.0])
+    draws = draw_normal(VALUES, units @ ROOT @ ROOT.T @ units)
+    assert draws - VALUES == pytest.approx((draw_normal(VALUES, ROOT @ ROOT.T) - VALUES) @ units, rel=1e-6, abs=1e-9)
+    assert np.cov(draw_normal(VALUES, ROOT @ ROOT.T).T) == pytest.approx(ROOT @ ROOT.T, abs=1.5e-3)
+
+
 def test_each_lower_end_alone_would_leave_more(steady):
     terms = steady.terms(NAMES)
     carried = np.array(

@@ -207,10 +207,17 @@ def carried_friction(
 
 
 def draw_normal(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Draws of a normal vector, (n, p), the same every time."""
-    spread, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
-    root = vectors * np.sqrt(np.maximum(spread, 0.0))
-    return mean + standard_draws(len(mean), FRICTION_DRAWS.seed) @ root.T
+    """Draws of a normal vector, (n, p), the same every time.
+
+    They use the symmetric root of the correlations: it moves no more than they do, whereas the signs and, for equal
+    spreads, the directions of eigenvectors are those of rounding.
+    """
+    scale = np.sqrt(np.diag(covariance))
+    units = np.outer(scale, scale)
+    correlation = np.divide(covariance, units, out=np.zeros_like(units), where=units > 0.0)
+    spread, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
+    root = (vectors * np.sqrt(np.maximum(spread, 0.0))) @ vectors.T
+    return mean + standard_draws(len(mean), FRICTION_DRAWS.seed) @ root * scale
 
 
 @lru_cache(maxsize=8)
