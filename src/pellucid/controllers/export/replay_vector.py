@@ -279,14 +279,16 @@ def replay_vector(values: ControllerValues, seed: int = 1) -> ReplayVector:
     sensors = LAWS[values.law].sensors
     period = round(1e6 * values.numbers["period"])
     rng = np.random.default_rng(seed)
-    signals = [_signal(s, values, MOTION_STEPS, rng) for s in sensors]
+    blocks = list(_blocks(sensors, values, period))
+    steps = max(MOTION_STEPS, *(block.length for block in blocks))
+    signals = [_signal(s, values, steps, rng) for s in sensors]
 
     def row(i: int, start: int = 1_000_000) -> StepInputs:
         now = start + i * period
         return StepInputs(now, tuple(Reading(x[i], 0xFFFFFF00 + i & 0xFFFFFFFF, now - period // 10) for x in signals))
 
     optional = [k for k, sensor in enumerate(sensors) if not sensor.required]
-    return assembled(row, _blocks(sensors, values, period), SUPERVISOR_VARIANTS, optional)
+    return assembled(row, blocks, SUPERVISOR_VARIANTS, optional)
 
 
 def _signal(sensor: LawSensor, values: ControllerValues, n: int, rng: np.random.Generator) -> np.ndarray:
