@@ -30,6 +30,10 @@
 // They are heard where the evidence for them, against reversed, doubled and unanswered, has summed up to a log-likelihood
 // ratio of `probe_heard_evidence` over windows (A. Wald, "Sequential tests of statistical hypotheses", Annals of
 // Mathematical Statistics 16, 1945); and before r is known, where the answer is far above what lies between the waves.
+// What turns with the joint, as an encoder's ripple does, disturbs one wave and not its neighbours. So the way also ends
+// where one window says as much by the waves that are left: each weighs less by the mean square error that their best
+// explanation leaves of it. At a few rad/s half a window is a long way, so that two more windows, which overlap those that
+// judge, are heard in this way alone. And the law leaves room for the waves below its limits once half of the way is gone.
 //
 // A drive with three times the gain adds twice what it is asked for. So the energy that it would have added since it was
 // last heard, E' = 2 max(u v, 0), is bounded as well: the law's effort falls from half of the bound on, to 0 at the bound.
@@ -46,6 +50,9 @@ constexpr std::uint32_t probe_wave_count = 3;
 /// weights.
 constexpr std::uint32_t probe_cycles[] = {5, 9, 13, 7, 11, 1};
 constexpr std::uint32_t probe_bin_count = 5;
+/// Windows at a time, each begun a quarter after the one before. Two that overlap by half judge and are learnt from; the
+/// others are too like them for that, and can only end the way of a drive that was not heard.
+constexpr std::uint32_t probe_window_count = 4;
 /// Largest value of the three waves together, relative to the amplitude of one: their envelope is sqrt(5).
 constexpr double probe_crest = 2.2360679774997896;
 /// Bounds of a healthy g: loads and backlash change what a robot answers.
@@ -67,7 +74,7 @@ constexpr double probe_novelty = 6;
 constexpr double probe_learnt_noise = 1;
 /// Share of a new window in the mean noise, and the largest mean over what both places show now, each as a multiple of
 /// the encoder's noise there: a blow is no noise of the windows that come after it.
-constexpr double probe_noise_share = 0.5, probe_noise_fall = 10;
+constexpr double probe_noise_share = 0.5, probe_noise_fall = 4;
 /// Share of a window in which the joint must move: to be judged, and to be learnt from.
 constexpr double probe_judged_share = 0.5, probe_learnt_share = 0.9;
 /// Tolerated loss of response of a joint that stands still in a window, relative to its response while it moves.
@@ -75,6 +82,8 @@ constexpr double probe_standing_loss = 1.2;
 /// Largest share of the evidence that one window may give, since one event alone is no fault; and the share of the
 /// evidence beyond which the watch learns nothing.
 constexpr double probe_window_share = 0.5, probe_doubt_share = 0.04;
+/// Number of times that the waves of a window are weighed anew by what their best explanation leaves.
+constexpr std::uint32_t probe_reweighings = 3;
 /// Evidence for a drive and an encoder that are right, after which they count as heard.
 constexpr double probe_heard_evidence = 3;
 /// Sum over the waves of the answer's power over that of the noise, from which on something answers, whatever it is.
@@ -100,7 +109,7 @@ template <class S> struct ProbeWatchParams {
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.effort, {"probe_effort", unit::effort, at_least(0),
                      "amplitude of each of the probe's three waves; 0: no probe"});
-    visit(p.samples, {"probe_samples", unit::one, between(40, 4000), "periods of a window, an even number"});
+    visit(p.samples, {"probe_samples", unit::one, between(40, 4000), "periods of a window, a multiple of four"});
     visit(p.inertia, {"probe_inertia", unit::inertia, at_least(0), "inertia of the robot that responds to the probe"});
     visit(p.noise, {"probe_noise", unit::coordinate, at_least(0), "standard deviation of one encoder reading"});
     visit(p.moving, {"probe_moving", unit::velocity, above(0), "slower, friction may swallow the probe's answer"});
@@ -142,7 +151,7 @@ template <class S> ProbeWatchCoefficients<S> coefficients(const ProbeWatchParams
   ProbeWatchCoefficients<S> c;
   c.params = p;
   const bool off = p.effort == S(0);
-  const bool windows = p.samples >= 40 && p.samples <= 4000 && p.samples % 2 == 0;
+  const bool windows = p.samples >= 40 && p.samples <= 4000 && p.samples % probe_window_count == 0;
   c.valid = is_sound(p) && (off || (p.inertia > S(0) && windows && period > S(0))) ? 1 : 0;
   if (c.valid == 0 || off) return c;
   const S cycle = S(6.283185307179586) / static_cast<S>(p.samples);
@@ -174,23 +183,23 @@ template <class S> ProbePhasor<S> against(const ProbePhasor<S>& a, const ProbePh
 }
 template <class S> S square(const ProbePhasor<S>& a) noexcept { return a.real * a.real + a.imaginary * a.imaginary; }
 
-/// The sums of one window. Two of them overlap by half.
+/// The sums of one window.
 template <class S> struct ProbeWindowState {
   ProbePhasor<S> answer[probe_bin_count]{};  ///< inertia times acceleration, at the waves and between [N m]
   ProbePhasor<S> asked[probe_wave_count]{};  ///< effort asked for, at the waves [N m]
   S moving{};                                ///< Hann weights of the periods in which the joint moves [1]
-  S way[2]{};                                ///< way forth and back, by weights: two windows share each period's [rad]
+  S way[2]{};                                ///< way forth and back, by weights: the windows share each period's [rad]
 };
 
 template <class S> struct ProbeWatchState {
   /// Phases of the waves, the places between and the weights, now.
   ProbePhasor<S> phase[probe_bin_count + 1] = {{S(1)}, {S(1)}, {S(1)}, {S(1)}, {S(1)}, {S(1)}};
   std::uint32_t count = 0;                      ///< periods in this window
-  std::uint32_t begun = 0;                      ///< 1: the second window has begun too
+  std::uint32_t begun = 0;                      ///< windows that have begun
   S velocity{};                                 ///< the last [rad/s]
   S slow{};                                     ///< smooth velocity [rad/s]
   S due{};                                      ///< effort asked for, as late as the drive's torque loop [N m]
-  ProbeWindowState<S> window[2]{};              ///< the two windows that overlap
+  ProbeWindowState<S> window[probe_window_count]{};  ///< the windows that overlap, each a quarter later
   ProbePhasor<S> known[probe_wave_count]{};     ///< r of each wave: what the robot has answered so far [1]
   S error[probe_wave_count]{};                  ///< mean square of the answers' errors, relative to what is known [1]
   std::uint32_t learnt = 0;                     ///< windows in what is known
@@ -258,9 +267,49 @@ template <class S> void count_as_heard(ProbeWatchState<S>& s) noexcept {
   s.heard = s.way[0] = s.way[1] = s.added = S(0);
 }
 
+/// What the waves of a window say together.
+template <class S> struct ProbeEvidence {
+  S power{};                         ///< of what is due, over the errors' variances [1]
+  S match[1 + probe_delay_count]{};  ///< of the answer with it, at no delay and at those that are looked for [1]
+  S least{};                         ///< least gain of a healthy drive [1]
+  std::uint32_t best = 0;            ///< delay that matches best, forwards or reversed
+};
+
+/// Sums up the waves, each with its `size` and `match`, by weights.
+template <class S>
+void weigh(ProbeEvidence<S>& e, const S* size, const S (*match)[1 + probe_delay_count], const S* weight) noexcept {
+  e.power = S(0);
+  for (std::uint32_t i = 0; i < probe_wave_count; ++i) e.power = e.power + weight[i] * size[i];
+  e.best = 0;
+  for (std::uint32_t k = 0; k <= probe_delay_count; ++k) {
+    e.match[k] = S(0);
+    for (std::uint32_t i = 0; i < probe_wave_count; ++i) e.match[k] = e.match[k] + weight[i] * match[i][k];
+    if (abs(e.match[k]) > abs(e.match[e.best])) e.best = k;
+  }
+}
+
+/// What the best explanation leaves of one wave, over its error's variance [1].
+template <class S>
+S left_of(const ProbeEvidence<S>& e, const S& size, const S& total, const S* match) noexcept {
+  const S gain = e.match[e.best] / e.power;
+  return total + gain * (gain * size - S(2) * match[e.best]);
+}
+
+/// Log-likelihood ratio of a gain without delay, against that nothing answers [1].
+template <class S> S likelihood_of(const ProbeEvidence<S>& e, const S& gain) noexcept {
+  return gain * (S(2) * e.match[0] - gain * e.power);
+}
+template <class S> S healthy_of(const ProbeEvidence<S>& e) noexcept {
+  return likelihood_of(e, clamp(e.match[0] / e.power, e.least, S(probe_most_gain)));
+}
+template <class S> S wrong_of(const ProbeEvidence<S>& e) noexcept {
+  return max(max(likelihood_of(e, S(-1)), likelihood_of(e, S(probe_wrong_gain))), S(0));
+}
+
 /// Return the fault after a whole window, if any, and update the learnt response of the robot from it.
 template <class S>
-SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, const ProbeWindowState<S>& w) noexcept {
+SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, const ProbeWindowState<S>& w,
+                  bool hears_only = false) noexcept {
   S all = S(0);
   for (const ProbePhasor<S>& answer : w.answer) all = all + square(answer);
   for (const ProbePhasor<S>& asked : w.asked) all = all + square(asked);
@@ -277,13 +326,14 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
   for (std::uint32_t k = 0; k < 2; ++k) {
     const S& floor = c.floor[probe_wave_count + k];
     const S now = max(beside[k] - floor, S(0)), mean = s.noise[k] + S(probe_noise_share) * (now - s.noise[k]);
-    s.noise[k] = floor > S(0) ? min(mean, S(probe_noise_fall) * most * floor) : mean;
-    beside[k] = max(s.noise[k], now);
+    const S lasting = floor > S(0) ? min(mean, S(probe_noise_fall) * most * floor) : mean;
+    if (!hears_only) s.noise[k] = lasting;
+    beside[k] = max(lasting, now);
   }
   const S noise[probe_wave_count] = {beside[0], S(0.5) * (beside[0] + beside[1]), beside[1]};
   const S moves = w.moving / (S(0.5) * static_cast<S>(c.params.samples));
   if (!(moves >= S(probe_judged_share))) return SafetyFault::none;
-  const bool teaches = moves >= S(probe_learnt_share);
+  const bool teaches = !hears_only && moves >= S(probe_learnt_share);
   begin(c, s);
   if (!is_known(s)) {
     S loud = S(0);
@@ -296,37 +346,44 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
 
   // What was learnt from a few windows is less certain.
   const S novelty = S(1) + S(probe_novelty) / static_cast<S>(s.learnt);
-  S power = S(0), match = S(0), quiet = S(0), total = S(0), late[probe_delay_count] = {};
+  S quiet = S(0), size[probe_wave_count], total[probe_wave_count], match[probe_wave_count][1 + probe_delay_count];
   for (std::uint32_t i = 0; i < probe_wave_count; ++i) {
     const ProbePhasor<S> due = times(s.known[i], w.asked[i]), back{c.delay[i].cos, c.delay[i].sin};
-    const S size = square(due);
-    const S variance = c.floor[i] + noise[i] + novelty * max(S(probe_least_error), s.error[i]) * size;
-    quiet = quiet + S(probe_learnt_noise) * size + c.floor[i] - noise[i];
-    if (!(variance > S(0))) continue;
+    const S power = square(due);
+    const S variance = max(c.floor[i] + noise[i] + novelty * max(S(probe_least_error), s.error[i]) * power,
+                           S(std::numeric_limits<float>::min()));
+    quiet = quiet + S(probe_learnt_noise) * power + c.floor[i] - noise[i];
+    size[i] = power / variance;
+    total[i] = square(w.answer[i]) / variance;
     ProbePhasor<S> turned = against(w.answer[i], due);
-    total = total + square(w.answer[i]) / variance;
-    power = power + size / variance;
-    match = match + turned.real / variance;
-    turned = against(turned, back);
-    for (std::uint32_t k = 0; k < probe_delay_count; ++k) {
+    for (std::uint32_t k = 0; k <= probe_delay_count; ++k) {
+      match[i][k] = turned.real / variance;
       turned = against(turned, back);
-      late[k] = late[k] + turned.real / variance;
+      if (k == 0) turned = against(turned, back);
     }
   }
-  if (!(power > S(0))) return SafetyFault::none;
   // Where friction holds the joint for a part of the window, it may answer with less, and in the other direction.
-  S explained = match * match;
-  for (const S& m : late) explained = max(explained, m * m);
-  const S scale = max((total - explained / power) / S(probe_wave_count), S(1));
-  power = power / scale;
-  match = match / scale;
-  const S least = S(probe_least_gain) - S(probe_standing_loss) * (S(1) - moves);
-  const S nearest = clamp(match / power, least, S(probe_most_gain));
-  const S healthy = nearest * (S(2) * match - nearest * power);
-  const S wrong = S(probe_wrong_gain);
-  S likelihood[probe_sum_count] = {-S(2) * match - power, wrong * (S(2) * match - wrong * power), S(0)};
-  for (std::uint32_t k = 0; k < probe_delay_count; ++k) likelihood[3 + k] = S(2) * late[k] / scale - power;
-  const S wrongs = max(likelihood[0], max(likelihood[1], likelihood[2]));
+  ProbeEvidence<S> e;
+  e.least = S(probe_least_gain) - S(probe_standing_loss) * (S(1) - moves);
+  S weight[probe_wave_count] = {S(1), S(1), S(1)};
+  weigh(e, size, match, weight);
+  if (!(e.power > S(0))) return SafetyFault::none;
+  S left = S(0);
+  for (std::uint32_t i = 0; i < probe_wave_count; ++i) left = left + left_of(e, size[i], total[i], match[i]);
+  const S scale = max(left / S(probe_wave_count), S(1));
+  // A wave that something else disturbs hides no others: each counts by what their best explanation leaves of it.
+  ProbeEvidence<S> calm = e;
+  for (std::uint32_t pass = 0; pass < probe_reweighings; ++pass) {
+    for (std::uint32_t i = 0; i < probe_wave_count; ++i) weight[i] = S(1) / max(left_of(calm, size[i], total[i], match[i]), S(1));
+    weigh(calm, size, match, weight);
+  }
+  if (healthy_of(calm) - wrong_of(calm) >= S(probe_heard_evidence)) s.way[0] = s.way[1] = S(0);
+  if (hears_only) return SafetyFault::none;
+  for (S& each : weight) each = S(1) / scale;
+  weigh(e, size, match, weight);
+  const S healthy = healthy_of(e), wrongs = wrong_of(e);
+  S likelihood[probe_sum_count] = {likelihood_of(e, S(-1)), likelihood_of(e, S(probe_wrong_gain)), S(0)};
+  for (std::uint32_t k = 0; k < probe_delay_count; ++k) likelihood[3 + k] = S(2) * e.match[1 + k] - e.power;
   s.heard = max(s.heard + healthy - wrongs, S(0));
   if (s.heard >= S(probe_heard_evidence)) count_as_heard(s);
   // What is found is what explains this window best.
@@ -348,13 +405,21 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
 
 /// The longer way, forth or back, since drive and encoder were heard [rad], with that of windows that are not whole yet.
 template <class S> S way_of(const ProbeWatchState<S>& s) noexcept {
-  const ProbeWindowState<S>&a = s.window[0], &b = s.window[1];
-  return max(s.way[0] + a.way[0] + b.way[0], s.way[1] + a.way[1] + b.way[1]);
+  S way[2] = {s.way[0], s.way[1]};
+  for (const ProbeWindowState<S>& w : s.window)
+    for (std::uint32_t k = 0; k < 2; ++k) way[k] = way[k] + w.way[k];
+  return max(way[0], way[1]);
 }
 
 /// The way that the joint may go now while its drive is not heard [rad].
 template <class S> S allowed_way(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s) noexcept {
   return c.params.travel * (S(1) - min(s.sum[2] / c.params.evidence, S(probe_doubted_share)));
+}
+
+/// Room below its limits that the law leaves to the waves [N m]: the more, the less of the way is left.
+template <class S> S room_of(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s) noexcept {
+  const S used = way_of(s) / allowed_way(c, s);
+  return S(probe_crest) * c.params.effort * clamp(S(4) * used - S(2), S(0), S(1));
 }
 
 /// Ends a window: judges it, and begins the next.
@@ -363,7 +428,7 @@ SafetyFault end_window(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s
   const ProbeWindowState<S> ended = s.window[which];
   s.window[which] = {};
   for (std::uint32_t k = 0; k < 2; ++k) s.way[k] = s.way[k] + ended.way[k];
-  return judge(c, s, ended);
+  return judge(c, s, ended, which >= probe_window_count / 2);
 }
 
 /// One period: the velocity that the encoder shows [rad/s], and the mean effort between its last two readings [N m].
@@ -384,8 +449,10 @@ SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, cons
   if (!is_finite(s.apart)) s.apart = S(0);
   const S gone = s.apart - clamp(s.apart, -c.idle, c.idle);
   s.apart = s.apart - gone;
-  const S weights[2] = {S(0.5) * (S(1) - s.phase[probe_bin_count].real), S(0.5) * (S(1) + s.phase[probe_bin_count].real)};
-  for (std::uint32_t k = 0; k < 2; ++k) {
+  const ProbePhasor<S>& weighs = s.phase[probe_bin_count];
+  const S weights[probe_window_count] = {S(0.5) * (S(1) - weighs.real), S(0.5) * (S(1) + weighs.real),
+                                         S(0.5) * (S(1) - weighs.imaginary), S(0.5) * (S(1) + weighs.imaginary)};
+  for (std::uint32_t k = 0; k < probe_window_count; ++k) {
     ProbeWindowState<S>& w = s.window[k];
     const S answer = weights[k] * torque, given = weights[k] * s.due;
     for (std::uint32_t i = 0; i < probe_bin_count; ++i) {
@@ -397,22 +464,26 @@ SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, cons
       w.asked[i].imaginary = w.asked[i].imaginary - given * now.imaginary;
     }
     w.moving = w.moving + weights[k] * moves;
-    w.way[0] = w.way[0] + weights[k] * max(gone, S(0));
-    w.way[1] = w.way[1] + weights[k] * max(-gone, S(0));
+    const S part = weights[k] * S(2) / S(probe_window_count);
+    w.way[0] = w.way[0] + part * max(gone, S(0));
+    w.way[1] = w.way[1] + part * max(-gone, S(0));
   }
   for (std::uint32_t i = 0; i <= probe_bin_count; ++i)
     s.phase[i] = times(s.phase[i], ProbePhasor<S>{c.turn[i].cos, c.turn[i].sin});
   ++s.count;
   SafetyFault found = SafetyFault::none;
-  if (s.count == c.params.samples / 2) {
-    const bool whole = s.begun != 0;
-    s.begun = 1;
-    if (whole) found = end_window(c, s, 1);
-    else s.window[1] = {};
-  } else if (s.count >= c.params.samples) {
+  const std::uint32_t quarter = c.params.samples / probe_window_count;
+  if (s.count % quarter == 0) {
+    // The window that ends at each quarter: the second half of them begin at odd ones.
+    constexpr std::uint32_t ends[] = {0, 2, 1, 3};
+    const std::uint32_t which = ends[(s.count / quarter) % probe_window_count];
+    if (s.begun >= probe_window_count - 1) found = end_window(c, s, which);
+    else s.window[which] = {};
+    if (s.begun < probe_window_count) ++s.begun;
+  }
+  if (s.count >= c.params.samples) {
     s.count = 0;
     for (ProbePhasor<S>& one : s.phase) one = {S(1), S(0)};
-    found = end_window(c, s, 0);
   }
   if (found != SafetyFault::none) return found;
   return way_of(s) <= allowed_way(c, s) ? SafetyFault::none : SafetyFault::unanswered;

@@ -213,7 +213,8 @@ template <class S> struct SupervisorState {
   SensorWatchState<S> force{}, muscle{};  ///< watches of the sensors that the law hears
   DriveWatchState<S> drive{};             ///< watch of the drive: command beside measurement
   EnergyBudgetState<S> budget{};          ///< budget for the energy of the whole command
-  RingingWatchState<S> ringing{};         ///< watch of the whole command for ringing
+  RingingWatchState<S> ringing{};         ///< watch of the law's effort for ringing
+  S wave[2]{};                            ///< waves in the last command and in the one before [N m]
   ShakingWatchState<S> shaking{};         ///< watch of the motion for shaking
   DampedStopState<S> hold{};              ///< viscous hold
   StartUpTestState<S> test{};             ///< wave of effort at start-up
@@ -486,7 +487,8 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   if (carries) found = first_of(found, step(c.shaking, s.shaking, velocity));
   // The wave at start-up is no loop that rings, however slow a heavy machine makes it, nor is the one that asks a joint at rest.
   if ((s.steps & 2u) == 0 || now == Mode::start_up || s.still.amplitude > S(0)) return found;
-  return first_of(found, step(c.ringing, s.ringing, effort));
+  // The probe's waves are no loop either, and fall into its band where every fourth period samples them.
+  return first_of(found, step(c.ringing, s.ringing, effort - S(0.5) * (s.wave[0] + s.wave[1])));
 }
 
 /// The law's optional sensors, every second period: without one that is silent or beyond its range it goes on if it
@@ -533,14 +535,18 @@ template <class S> S least_of(const SupervisorState<S>& s) noexcept {
 template <class S>
 S with_probe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const SafetyCoefficients<S>& gate, S effort,
              S position) noexcept {
-  const S allowed = bounded(c.probe, s.probe, effort);
+  S allowed = bounded(c.probe, s.probe, effort);
   const S added = wave(c.probe, s.probe) + wave(c.still, s.still);
   if (added == S(0) && allowed == effort) return effort;
   const S highest = max(c.effort_limit * stop_taper(gate, gate.params.position_max - position), effort);
   const S lowest = min(-c.effort_limit * stop_taper(gate, position - gate.params.position_min), effort);
+  const S room = room_of(c.probe, s.probe);
+  if (lowest + room <= highest - room) allowed = clamp(allowed, lowest + room, highest - room);
   const S last = least_of(s);
   const S total = clamp(clamp(allowed + added, lowest, highest), last - c.max_change, last + c.max_change);
-  return abs(total) <= c.effort_limit ? total : allowed;
+  if (!(abs(total) <= c.effort_limit)) return allowed;
+  s.wave[0] = total - allowed;
+  return total;
 }
 
 /// One more period of a stop: whether an operator's token ends it now.
@@ -645,6 +651,8 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
   }
 
   Mode mode = mode_of(state);
+  state.wave[1] = state.wave[0];
+  state.wave[0] = S(0);
   if (mode == Mode::start_up) {
     bool done = false;
     const S wave = step(c.test, state.test, c.period, state.encoder.velocity, c.params.rest_speed, done);

@@ -109,7 +109,7 @@ template <class S> void parameters() {
       for (int k = 0; k < 2; ++k) s.noise[k] = S(1000) * c.floor[3 + k];
       p::judge(c, s, quiet);
       for (int k = 0; k < 2; ++k)
-        check_close(static_cast<double>(s.noise[k] / c.floor[3 + k]), shown > S(1) ? 30.0 : 10.0, 1e-3, "ten times what is shown");
+        check_close(static_cast<double>(s.noise[k] / c.floor[3 + k]), shown > S(1) ? 12.0 : 4.0, 1e-3, "four times what is shown");
     }
   for (int k = 0; k < 2; ++k) s.noise[k] = S(4) * c.floor[3 + k];
   p::judge(c, s, {});

@@ -75,11 +75,11 @@ MIN_PROBE_SPEED = 0.1
 """Speed below which friction may swallow the wave at any amplitude [rad/s or m/s]."""
 
 
-UNHEARD_S = (0.108, 0.16)
+UNHEARD_S = (0.093, 0.16)
 """Times at the velocity limit whose ways are the shortest and the longest that the joint may go, forth or back, while
-its drive is not heard: see `STUCK_ENERGY_J`. The shortest is more than the 0.09 s of way that windows of the probe hold
-which have not ended yet. With 0.1 s, two of 192 tuning wearers stopped whom 0.1075 s let go on; with a limit of
-4.5 rad/s, the longest way of 16 of them in 4 h would have taken 0.114 s."""
+its drive is not heard: see `STUCK_ENERGY_J`. The shortest is more than the 0.075 s of way that windows of the probe hold
+which have not ended yet; at 8 rad/s a drive stuck at 6.7 N m gives 5 J on it. With a limit of 4.5 rad/s, 0.138 s stopped
+2 of 144 tuning wearers whom the longest let go on."""
 
 STUCK_ENERGY_J = 4.6
 """Energy that a drive which is stuck at half of its largest effort gives on that way, between both bounds [J].
@@ -124,8 +124,8 @@ def probe_signal_to_noise(amplitude: float, inertia: float, resolution: float, p
 
 
 def probe_samples(period: float) -> int:
-    """Return the number of periods in a window, which is even."""
-    return 2 * round(0.5 * PROBE_WINDOW_S / period)
+    """Return the number of periods in a window, a multiple of four."""
+    return 4 * round(0.25 * PROBE_WINDOW_S / period)
 
 
 def probe_numbers(
