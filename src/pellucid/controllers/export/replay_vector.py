@@ -381,7 +381,7 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     yield Block("lost", silent, 24)
     yield Block("muscle", length=24)
     yield placed("test", lambda i: 0.5, 32)
-    yield placed("test", lambda i: 0.5 + 0.2 * h * max(i - 6, 0), 64)  # two waves
+    yield placed("test", lambda i: 0.5 + 0.2 * h * max(i - 6, 0), 96)  # three waves
     # The supervisor checks twelve words of memory in every fourth period: this is enough to check all of them twice.
     through = 4 * -(-_core.supervised_storage(values.law) // (4 * 8))
     yield Block("law", lambda i, row: replace(row, before=MEMORY_EVENT) if i == 4 else row, 4 + through)
