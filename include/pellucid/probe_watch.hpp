@@ -377,7 +377,8 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
     for (std::uint32_t i = 0; i < probe_wave_count; ++i) weight[i] = S(1) / max(left_of(calm, size[i], total[i], match[i]), S(1));
     weigh(calm, size, match, weight);
   }
-  if (healthy_of(calm) - wrong_of(calm) >= S(probe_heard_evidence)) s.way[0] = s.way[1] = S(0);
+  const S sound = healthy_of(calm);
+  if (sound - wrong_of(calm) >= S(probe_heard_evidence)) s.way[0] = s.way[1] = S(0);
   if (hears_only) return SafetyFault::none;
   for (S& each : weight) each = S(1) / scale;
   weigh(e, size, match, weight);
@@ -390,7 +391,9 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
   std::uint32_t best = 0;
   bool is_found = false, is_doubtful = false;
   for (std::uint32_t k = 0; k < probe_sum_count; ++k) {
-    const S more_evidence = min(likelihood[k] - healthy, S(probe_window_share) * c.params.evidence);
+    // A wave that something else turns is not late.
+    const S ratio = k < 3 ? likelihood[k] - healthy : S(2) * calm.match[k - 2] - calm.power - sound;
+    const S more_evidence = min(ratio, S(probe_window_share) * c.params.evidence);
     s.sum[k] = max(s.sum[k] + more_evidence, S(0));
     is_found = is_found || s.sum[k] >= c.params.evidence;
     is_doubtful = is_doubtful || s.sum[k] > S(probe_doubt_share) * c.params.evidence;

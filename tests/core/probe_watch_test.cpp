@@ -3,7 +3,9 @@
 
 #include <pellucid/probe_watch.hpp>
 
+#include <complex>
 #include <initializer_list>
+#include <random>
 
 namespace p = pellucid;
 
@@ -297,6 +299,97 @@ void evidence() {
     w.answer[3] = w.answer[4] = {noise, 0.0};
     p::judge(c, s, w);
     check(s.learnt == (noise <= 10 ? 13u : 12u), "noise as large as the waves");
+  }
+}
+
+/// What a window says by the waves that nothing disturbs, by the formula: against the faults without delay, and for each of
+/// the late drives.
+struct Calm {
+  double heard, late[5];
+};
+Calm calm_of(const p::ProbeWindowState<double>& w, double variance, double least) {
+  using Complex = std::complex<double>;
+  const auto number = [](const auto& one) { return Complex(one.real, one.imaginary); };
+  const auto late = [](int i, int k) {
+    return std::polar(1.0, -6.283185307179586 * p::probe_cycles[i] / 0.12 * 0.004 * (k == 0 ? 0 : k + 1));
+  };
+  double weights[] = {1, 1, 1}, power = 0, match[6] = {};
+  for (int pass = 0; pass < 4; ++pass) {
+    power = 0;
+    int best = 0;
+    for (int i = 0; i < 3; ++i) power += weights[i] * std::norm(number(w.asked[i])) / variance;
+    for (int k = 0; k < 6; ++k) {
+      match[k] = 0;
+      for (int i = 0; i < 3; ++i)
+        match[k] += weights[i] * (number(w.answer[i]) * std::conj(number(w.asked[i]) * late(i, k))).real() / variance;
+      if (std::abs(match[k]) > std::abs(match[best])) best = k;
+    }
+    for (int i = 0; i < 3 && pass < 3; ++i) {
+      const Complex left = number(w.answer[i]) - match[best] / power * late(i, best) * number(w.asked[i]);
+      weights[i] = 1 / std::fmax(1.0, std::norm(left) / variance);
+    }
+  }
+  const double near = std::fmin(std::fmax(match[0] / power, least), 1.35);
+  const double healthy = near * (2 * match[0] - near * power);
+  Calm made{healthy - std::fmax(std::fmax(-2 * match[0] - power, 4 * match[0] - 4 * power), 0.0), {}};
+  for (int k = 0; k < 5; ++k) made.late[k] = 2 * match[1 + k] - power - healthy;
+  return made;
+}
+
+/// One wave that something else turns hides no others, and is not late. A window between those that judge does nothing but
+/// end the way.
+void hearing() {
+  auto r = usual<double>();
+  r.noise = 0;
+  const auto c = p::coefficients(r, 1e-3);
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> normal;
+  int heard = 0;
+  for (int draw = 0; draw < 2000; ++draw) {
+    p::ProbeWatchState<double> s;
+    s.learnt = 12, s.way[0] = 0.2, s.way[1] = 0.1;
+    p::ProbeWindowState<double> w;
+    w.moving = draw % 2 == 0 ? 60 : 50;
+    for (int i = 0; i < 3; ++i) {
+      const double size = (i == draw % 5 ? 4 : 0.3) * (1 + draw % 3);
+      s.known[i] = {1.0, 0.0}, s.error[i] = 0.05, w.asked[i] = {6.0, 0.0};
+      w.answer[i] = {6 * (draw % 7 == 0 ? 0 : 1) + size * normal(random), size * normal(random)};
+    }
+    auto other = s;
+    const auto wanted = calm_of(w, 1.5 * 0.05 * 36, 0.6 - 1.2 * (1 - w.moving / 60));
+    p::judge(c, other, w, true);
+    const bool is_heard = wanted.heard >= 3;
+    heard += is_heard ? 1 : 0;
+    check(other.way[0] == (is_heard ? 0 : 0.2) && other.way[1] == (is_heard ? 0 : 0.1), "by the waves that are left");
+    check(other.heard == 0 && other.learnt == 12 && other.noise[0] == 0 && other.noise[1] == 0, "and nothing else");
+    for (const double sum : other.sum) check(sum == 0, "no evidence of a fault");
+    p::judge(c, s, w);
+    check(!is_heard || (s.way[0] == 0 && s.way[1] == 0), "so do the windows that judge");
+    for (int k = 0; k < 5; ++k)
+      check_close(s.sum[3 + k], std::fmin(std::fmax(wanted.late[k], 0.0), 12.5), 1e-9, "late are the waves that are left");
+  }
+  check(heard > 200 && heard < 1800, "some are heard");
+  // An encoder's ripple in one wave, much larger than what is due, does not hide two that answer.
+  for (int i = 0; i < 3; ++i)
+    for (const double phase : {0.0, 1.6, 3.1, 4.7}) {
+      p::ProbeWatchState<double> s;
+      s.learnt = 600, s.way[0] = 0.1;
+      p::ProbeWindowState<double> w;
+      w.moving = 60;
+      for (int k = 0; k < 3; ++k) s.known[k] = {1.0, 0.0}, s.error[k] = 0.05, w.asked[k] = w.answer[k] = {10.0, 0.0};
+      w.answer[i] = {10.0 + 60.0 * std::cos(phase), 60.0 * std::sin(phase)};
+      check(p::judge(c, s, w) == F::none && s.way[0] == 0, "heard all the same");
+    }
+  // Room for the waves: none up to half of the way, and their crest from three quarters on.
+  auto bounded = usual<double>();
+  bounded.travel = 0.5;
+  const auto far = p::coefficients(bounded, 1e-3);
+  for (const double share : {0.0, 0.5, 0.6, 0.75, 1.0}) {
+    p::ProbeWatchState<double> s;
+    s.way[0] = 0.5 * share;
+    const double part = share < 0.5 ? 0 : share > 0.75 ? 1 : 4 * share - 2;
+    check_close(p::room_of(far, s), part * p::probe_crest * bounded.effort, 1e-12, "room for the waves");
+    check(p::room_of(c, s) == 0, "none on an endless way");
   }
 }
 
@@ -643,6 +736,7 @@ int main() {
   evidence();
   learning();
   travel();
+  hearing();
   healthy<double>();
   healthy<float>();
   verdicts<double>();

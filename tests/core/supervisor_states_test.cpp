@@ -442,6 +442,9 @@ void slow_watches() {
   rings.s.drive.asked = 3, rings.s.drive.asked_before = 1;
   rings.at(0, 3);
   check(rings.s.ringing.smooth == 100 * 4 * period * 2, "of the mean effort");
+  rings.s.ringing = {}, rings.s.drive.asked = 3, rings.s.drive.asked_before = 1, rings.s.wave[0] = 1, rings.s.wave[1] = 0.5;
+  rings.at(0, 3);
+  check(rings.s.ringing.smooth == 100 * 4 * period * 1.25, "without the probe's waves");
 }
 
 /// Model and motion: of running laws, once there are velocities; a force sensor counts where it is expected and speaks.

@@ -237,6 +237,23 @@ template <class S> void probes() {
       s.probe.phase[0].real = phase;
     }
   }
+  // Once most of the way is gone, the law leaves room for the whole wave: the command differs from it by no less.
+  r.probe.effort = S(1);
+  r.probe.travel = S(1);
+  Rig<S> unheard(r);
+  const auto& far = unheard.law.supervisor;
+  p::SupervisorState<S> goes;
+  const S inside = S(0.5) * (gate.params.position_min + gate.params.position_max);
+  S highest = S(0), lowest = S(10);
+  for (int k = 0; k < 240; ++k) {
+    p::step(far.probe, goes.probe, S(0), S(0), S(0));
+    goes.probe.way[0] = S(0.9);
+    goes.output = goes.drive.asked = S(10) - S(p::probe_crest) + p::wave(far.probe, goes.probe);
+    const S given = p::with_probe(far, goes, gate, S(10), inside);
+    highest = p::max(highest, given), lowest = p::min(lowest, given);
+    check_close(static_cast<double>(goes.wave[0]), static_cast<double>(p::wave(far.probe, goes.probe)), 1e-5, "whole");
+  }
+  check(highest > S(9.7) && highest <= S(10) && lowest < S(6.2), "up to the limit, and as far below");
   p::SupervisorParams<S> wrong = rules<S>();
   wrong.probe.effort = S(0.2);
   p::Supervised<p::JointCompensation<S>> law{};
