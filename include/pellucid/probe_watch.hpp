@@ -151,7 +151,7 @@ template <class S> ProbeWatchCoefficients<S> coefficients(const ProbeWatchParams
   ProbeWatchCoefficients<S> c;
   c.params = p;
   const bool off = p.effort == S(0);
-  const bool windows = p.samples >= 40 && p.samples <= 4000 && p.samples % probe_window_count == 0;
+  const bool windows = p.samples % probe_window_count == 0;
   c.valid = is_sound(p) && (off || (p.inertia > S(0) && windows && period > S(0))) ? 1 : 0;
   if (c.valid == 0 || off) return c;
   const S cycle = S(6.283185307179586) / static_cast<S>(p.samples);
@@ -195,7 +195,7 @@ template <class S> struct ProbeWatchState {
   /// Phases of the waves, the places between and the weights, now.
   ProbePhasor<S> phase[probe_bin_count + 1] = {{S(1)}, {S(1)}, {S(1)}, {S(1)}, {S(1)}, {S(1)}};
   std::uint32_t count = 0;                      ///< periods in this window
-  std::uint32_t begun = 0;                      ///< windows that have begun
+  std::uint32_t begun = 0;                      ///< windows that began after the first, up to all
   S velocity{};                                 ///< the last [rad/s]
   S slow{};                                     ///< smooth velocity [rad/s]
   S due{};                                      ///< effort asked for, as late as the drive's torque loop [N m]
@@ -480,9 +480,8 @@ SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, cons
     // The window that ends at each quarter: the second half of them begin at odd ones.
     constexpr std::uint32_t ends[] = {0, 2, 1, 3};
     const std::uint32_t which = ends[(s.count / quarter) % probe_window_count];
-    if (s.begun >= probe_window_count - 1) found = end_window(c, s, which);
-    else s.window[which] = {};
-    if (s.begun < probe_window_count) ++s.begun;
+    if (s.begun < probe_window_count - 1) ++s.begun, s.window[which] = {};
+    else found = end_window(c, s, which);
   }
   if (s.count >= c.params.samples) {
     s.count = 0;

@@ -353,7 +353,8 @@ void hearing() {
     for (int i = 0; i < 3; ++i) {
       const double size = (i == draw % 5 ? 4 : 0.3) * (1 + draw % 3);
       s.known[i] = {1.0, 0.0}, s.error[i] = 0.05, w.asked[i] = {6.0, 0.0};
-      w.answer[i] = {6 * (draw % 7 == 0 ? 0 : 1) + size * normal(random), size * normal(random)};
+      constexpr double gains[] = {1, 1, 0, 1.5, 1.8, 2, -1};
+      w.answer[i] = {6 * gains[draw % 7] + size * normal(random), size * normal(random)};
     }
     auto other = s;
     const auto wanted = calm_of(w, 1.5 * 0.05 * 36, 0.6 - 1.2 * (1 - w.moving / 60));
@@ -380,6 +381,25 @@ void hearing() {
       w.answer[i] = {10.0 + 60.0 * std::cos(phase), 60.0 * std::sin(phase)};
       check(p::judge(c, s, w) == F::none && s.way[0] == 0, "heard all the same");
     }
+  // A wave that was not asked for says nothing, with an exact encoder as with another.
+  p::ProbeWatchState<double> two;
+  two.learnt = 600, two.way[0] = 0.1;
+  p::ProbeWindowState<double> some;
+  some.moving = 60;
+  for (int k = 0; k < 3; ++k) two.known[k] = {1.0, 0.0}, two.error[k] = 0.05, some.asked[k] = some.answer[k] = {k > 0 ? 10.0 : 0.0, 0.0};
+  check(p::judge(c, two, some) == F::none && two.way[0] == 0, "the others do");
+  // Of the first windows only whole ones count, and each as soon as it ends: after one, one and a quarter, and so on.
+  Joint<double> j;
+  check(j.found(5000) == F::none && p::is_known(j.s), "it answers");
+  j.s.begun = j.s.count = 0;
+  for (auto& phase : j.s.phase) phase = {1.0, 0.0};
+  for (auto& window : j.s.window) window = {};
+  for (int period = 1; period <= 240; ++period) {
+    const bool counts = period >= 120 && period % 30 == 0;
+    j.s.way[0] = 7;
+    j.period();
+    check((j.s.way[0] < 7) == counts, "whole windows end the way");
+  }
   // Room for the waves: none up to half of the way, and their crest from three quarters on.
   auto bounded = usual<double>();
   bounded.travel = 0.5;

@@ -254,6 +254,19 @@ template <class S> void probes() {
     check_close(static_cast<double>(goes.wave[0]), static_cast<double>(p::wave(far.probe, goes.probe)), 1e-5, "whole");
   }
   check(highest > S(9.7) && highest <= S(10) && lowest < S(6.2), "up to the limit, and as far below");
+  check(p::abs(p::with_probe(far, goes, gate, S(1), std::numeric_limits<S>::quiet_NaN())) <= S(10), "at no place it is a number");
+  // It never turns an effort round, nor makes one of none, at a stop as elsewhere.
+  for (const S place : {gate.params.position_min, inside, gate.params.position_max})
+    for (const S effort : {S(-10), S(-1), S(0), S(1), S(10)}) {
+      goes.output = goes.drive.asked = effort;
+      goes.probe.phase[0] = goes.probe.phase[1] = goes.probe.phase[2] = {};
+      const S given = p::with_probe(far, goes, gate, effort, place);
+      const bool is_outward = (place > inside && effort > S(0)) || (place < inside && effort < S(0));
+      const S most = is_outward ? p::max(p::abs(effort) - S(p::probe_crest), S(0)) : p::min(p::abs(effort), S(10) - S(p::probe_crest));
+      const S due = effort < S(0) ? -most : most;
+      check_close(static_cast<double>(given), static_cast<double>(p::clamp(due, effort - far.max_change, effort + far.max_change)),
+                  1e-5, "less of the same effort");
+    }
   p::SupervisorParams<S> wrong = rules<S>();
   wrong.probe.effort = S(0.2);
   p::Supervised<p::JointCompensation<S>> law{};
