@@ -400,6 +400,22 @@ void hearing() {
     j.period();
     check((j.s.way[0] < 7) == counts, "whole windows end the way");
   }
+  // What a blow leaves is remembered.
+  p::ProbeWatchState<double> after;
+  after.learnt = 600, after.way[0] = 0.1, after.noise[0] = after.noise[1] = 1e6;
+  for (int k = 0; k < 3; ++k) after.known[k] = {1.0, 0.0}, some.asked[k] = some.answer[k] = {10.0, 0.0};
+  check(p::judge(c, after, some) == F::none && after.way[0] == 0.1, "not heard among so much noise");
+  // Whatever window it lies in, each part of the way counts once, and the waves begin anew with each first window.
+  auto all_of_it = usual<double>();
+  all_of_it.travel = 100;
+  auto exact = p::coefficients(all_of_it, 1e-3);
+  exact.idle = 0;
+  p::ProbeWatchState<double> goes;
+  for (int period = 1; period <= 600; ++period) {
+    check(p::step(exact, goes, 2.0, 0.0, 0.0) == F::none, "goes on");
+    if (period > 120) check_close(p::way_of(goes), 2e-3 * (period - 90) + 2e-3 * 45, 0.02, "each part of the way once");
+    if (period % 120 == 0) check(goes.count == 0 && goes.phase[0].real == 1 && goes.phase[0].imaginary == 0, "anew");
+  }
   // Room for the waves: none up to half of the way, and their crest from three quarters on.
   auto bounded = usual<double>();
   bounded.travel = 0.5;
