@@ -141,10 +141,22 @@ def test_logs_are_cut_into_starts(tmp_path):
     rows = [(t, 0.1 * math.sin(t), 0.0) for t in 1e-3 * np.arange(400)]
     rows += [(t + 3.0, x, 0.0) for t, x, _ in rows]
     path.write_text("time [s],position [rad],effort [N*m]\n" + "".join(f"{t:.6f},{x:.6f},{u}\n" for t, x, u in rows))
-    assert [len(start.time) for start in read_starts([path])] == [400, 400]
+    assert [len(start.time) for start in read_starts([path], 1e-3)] == [400, 400]
+    seconds = read_starts([path], 1e-3)[1]
+    table = "".join(f"{1e3 * t:.3f},{math.degrees(x):.6f},{u}\n" for t, x, u in rows)
+    path.write_text("time [ms],position_deg,effort (N*m)\n" + table)
+    scaled = read_starts([path], 1e-3)[1]
+    assert scaled.time == pytest.approx(seconds.time)
+    assert scaled.position == pytest.approx(seconds.position, abs=1e-6)
+    path.write_text("time [ms],position_deg,effort [mA]\n" + table)
+    with pytest.raises(PellucidError, match=r"starts.csv: effort \[mA\].*mA.*N\*m"):
+        read_starts([path], 1e-3)
+    path.write_text("time,position,effort\n" + table)
+    with pytest.raises(PellucidError, match=r"starts.csv: found rows 1 s apart .*, expected the controller's"):
+        read_starts([path], 1e-3)
     path.write_text("time,position\n0,0\n0.001,0\n")
     with pytest.raises(PellucidError, match=r"starts.csv: found columns time, position, expected .*: no effort"):
-        read_starts([path])
+        read_starts([path], 1e-3)
 
 
 def test_answers_are_written_with_their_spread(tmp_path):

@@ -77,9 +77,9 @@ MIN_PROBE_SPEED = 0.1
 
 UNHEARD_S = (0.093, 0.16)
 """Times at the velocity limit whose ways are the shortest and the longest that the joint may go, forth or back, while
-its drive is not heard: see `STUCK_ENERGY_J`. The shortest is more than the 0.075 s of way that windows of the probe hold
-which have not ended yet; at 8 rad/s a drive stuck at 6.7 N m gives 5 J on it. With a limit of 4.5 rad/s, 0.138 s stopped
-2 of 144 tuning wearers whom the longest let go on."""
+its drive is not heard: see `STUCK_ENERGY_J`. The shortest is more than the 0.075 s of way that windows of the probe
+hold which have not ended yet; at 8 rad/s a drive stuck at 6.7 N m gives 5 J on it. With a limit of 4.5 rad/s, 0.138 s
+stopped 2 of 144 tuning wearers whom the longest let go on."""
 
 STUCK_ENERGY_J = 4.6
 """Energy that a drive which is stuck at half of its largest effort gives on that way, between both bounds [J].

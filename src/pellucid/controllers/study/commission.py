@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
@@ -16,9 +16,11 @@ from ..._errors import PellucidError
 from ..._given import read_given
 from ..._plugins import load_plugins
 from ...files.readers.read import read_columns
+from ...files.stated_units import split_unit
 from ...numerics.arguments import with_checked_arguments
 from ...study.answer import Answer, AnswerNumber, Basis, Step
 from ...study.study import Study
+from ...units import to_si_factor
 from ..commissioning import (
     DRIVE_WAVE_FACTOR,
     MAX_GAIN_ERROR,
@@ -34,12 +36,13 @@ from ..control_law import LAWS
 from ..export.controller_values import protect_wearer
 from ..export.export import values_for
 from ..instruments import COMMISSIONING_CONDITION
+from ..supervised import RATE_TOLERANCE
 
 START_COUNT = 10
 """Number of starts of a commissioning."""
 
-LOG_COLUMNS = ("time", "position", "effort")
-"""Columns that a log of starts must have, SI: one row for each period of the controller."""
+LOG_COLUMNS = {"time": ("s",), "position": ("rad", "m"), "effort": ("N*m", "N")}
+"""Columns that a log of starts must have, and their SI units: one row for each period of the controller."""
 
 MIN_PAUSE_PERIODS = 20
 """A gap in a log's time of this many periods, or a step back, begins another start."""
@@ -175,8 +178,8 @@ def commission(
         Identified study of one joint.
     logs : sequence of Path
         Logs of the exported controller on the robot that nobody wears: columns ``time``, ``position``, ``effort`` and
-        further sensors of the law, SI, a row for each period; starts are apart by a gap in the time. None of logs and
-        `robot`: the study's virtual robot.
+        further sensors of the law, in SI or in the unit that a name states, a row for each period; starts are apart
+        by a gap in the time. None of logs and `robot`: the study's virtual robot.
     worn_logs : sequence of Path
         The same on a wearer at ease. Without any, the answers are taken from `logs`.
     robot : object or None
@@ -248,7 +251,8 @@ def commission(
         return Commissioning(source, drive, found, written, str(study.folder), gain_checked, options)
 
     if logs:
-        return answered("logs", read_starts(logs), lambda: read_starts(worn_logs or logs))
+        period = law.values["period"]
+        return answered("logs", read_starts(logs, period), lambda: read_starts(worn_logs or logs, period))
     if robot is not None:
         source, robot_of = "robot", _same_robot(cast(Robot, robot))
     else:
@@ -282,15 +286,14 @@ def _virtual_robot(study: Study) -> Callable[[bool, float], Robot]:
     return make
 
 
-def read_starts(paths: Sequence[Path]) -> list[StartLog]:
-    """Return the starts of logs, each from where the time of a log begins, has a gap or steps back."""
+def read_starts(paths: Sequence[Path], period: float) -> list[StartLog]:
+    """Return the starts of logs, each from where the time of a log begins, has a gap or steps back.
+
+    A column is in the unit that its name states, else in SI. Its rows are a controller's `period` [s] apart.
+    """
     made = []
     for path in map(Path, paths):
-        columns = {
-            re.sub(r"\s*[\[(].*$", "", name).strip().lower(): values
-            for name, values in read_columns(path).values.items()
-            if isinstance(values, np.ndarray)
-        }
+        columns = dict(_si_columns(path))
         missing = [name for name in LOG_COLUMNS if name not in columns]
         if missing:
             raise PellucidError(
@@ -303,9 +306,12 @@ def read_starts(paths: Sequence[Path]) -> list[StartLog]:
             what = f"{time.size} rows" if bad is None else f"a {bad} that is no number"
             raise PellucidError(f"{path}: found {what}, expected at least {MIN_START_ROWS} rows of numbers")
         steps = np.diff(time)
-        period = float(np.median(steps))
-        if not period > 0.0:
-            raise PellucidError(f"{path}: found a time that does not rise, expected seconds")
+        step = float(np.median(steps))
+        if not abs(step / period - 1.0) <= RATE_TOLERANCE:
+            raise PellucidError(
+                f"{path}: found rows {step:.4g} s apart by the column time, expected the controller's period of "
+                f"{period:.4g} s: state another unit in the name, such as time [ms]"
+            )
         cuts = np.flatnonzero((steps > MIN_PAUSE_PERIODS * period) | (steps <= 0.0)) + 1
         for first, last in zip((0, *cuts), (*cuts, time.size), strict=True):
             if last - first >= MIN_START_ROWS:
@@ -313,6 +319,19 @@ def read_starts(paths: Sequence[Path]) -> list[StartLog]:
                 position, effort = kept.pop("position"), kept.pop("effort")
                 made.append(StartLog(f"{path.name} from row {first + 1}", kept.pop("time"), position, effort, kept))
     return made
+
+
+def _si_columns(path: Path) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the columns of a log: name in lower case without its unit, and values in SI."""
+    found = read_columns(path)
+    for name, values in found.values.items():
+        if isinstance(values, np.ndarray):
+            bare, stated = split_unit(name)
+            unit = stated or found.units.get(name)
+            column = bare.strip().lower()
+            expected = LOG_COLUMNS.get(column)
+            factor, offset = to_si_factor(unit, expected, f"{path}: {name}") if unit else (1.0, 0.0)
+            yield column, values * factor + offset
 
 
 def state_answers(path: Path, found: Answers, effort_unit: str = "N*m") -> tuple[str, ...]:
