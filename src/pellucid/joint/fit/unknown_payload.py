@@ -212,7 +212,7 @@ def draw_normal(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     They use the symmetric root of the correlations: it moves no more than they do, whereas the signs and, for equal
     spreads, the directions of eigenvectors are those of rounding.
     """
-    scale = np.sqrt(np.diag(covariance))
+    scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     units = np.outer(scale, scale)
     correlation = np.divide(covariance, units, out=np.zeros_like(units), where=units > 0.0)
     spread, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
