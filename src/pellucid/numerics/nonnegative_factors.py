@@ -56,7 +56,7 @@ def _start(x: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
         for left, right in parts:
             length, other = np.linalg.norm(left), np.linalg.norm(right)
             if length * other > best:
-                best = length * other
+                best = float(length * other)
                 w[:, j], turned[:, j] = (np.sqrt(s[j] * best) * part for part in (left / length, right / other))
     for factor in (w, turned):
         factor[factor < 1e-6] = x.mean()
