@@ -22,7 +22,7 @@ from .control_law import DIRECTIONAL_LAW, POSITION_PREDICTION_LAW, ControlLaw, L
 PUBLISHED_PERIOD_S = 1e-3
 """Period of the control panel for which the laws are published."""
 
-ELBOW_LIMITS = Limits(effort=10.0, rate=1000.0, velocity=8.0, position=(0.0, 2.6))
+ELBOW_LIMITS: Limits = Limits(effort=10.0, rate=1000.0, velocity=8.0, position=(0.0, 2.6))
 
 LOOP_BANDWIDTH = 100.0
 """Bandwidth of the position loop, whose stiffness is the inertia times its square [rad/s]."""

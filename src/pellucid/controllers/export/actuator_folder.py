@@ -22,7 +22,7 @@ from ...study.study_file import JointLimits
 from .c_folder import template_folder
 from .simulator_model import LINK_SHARE, SHAPING_FIELDS
 
-ACTUATOR_PROGRAMS = {"isaaclab": "isaaclab_actuators.py", "mjx": "mjx_actuators.py"}
+ACTUATOR_PROGRAMS: dict[str, str] = {"isaaclab": "isaaclab_actuators.py", "mjx": "mjx_actuators.py"}
 """Program for each simulator, in the folder of ``actuators.json``."""
 
 ACTUATORS_FILE = "actuators.json"

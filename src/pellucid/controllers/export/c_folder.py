@@ -42,7 +42,7 @@ from ..supervisor_faults import SUPERVISOR_FAULTS, warn_of_unmeasured_drive
 from .controller_values import ControllerValues
 from .replay_vector import SUPERVISOR_VARIANTS, replay_vector
 
-TEMPLATE_FOLDERS = {
+TEMPLATE_FOLDERS: dict[str, str] = {
     "pellucid_controller.h": "",
     "pellucid_controller.cpp": "",
     "pellucid_constants.h": "",
@@ -60,7 +60,11 @@ They are those of a single joint. Every other kind of controller has a folder of
 and replace the blocks that differ. A template that such a folder lacks is the same for all kinds.
 """
 
-INCIDENT_TEMPLATE_FOLDERS = {"pellucid_incident.h": "", "pellucid_incident.cpp": "", "play_incident.c": "test"}
+INCIDENT_TEMPLATE_FOLDERS: dict[str, str] = {
+    "pellucid_incident.h": "",
+    "pellucid_incident.cpp": "",
+    "play_incident.c": "test",
+}
 """Templates of the incident recorder for a single joint, each with the folder of its file."""
 
 EXACT_FLAGS = "-ffp-contract=off -fno-math-errno"

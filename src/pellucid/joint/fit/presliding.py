@@ -229,7 +229,7 @@ def _nonlinear_speed_columns(model: JointModel, motion: Motion) -> np.ndarray:
     return np.hstack(columns)
 
 
-def _regressors(strokes: Sequence[_Stroke], travels: Sequence[float]) -> Iterator[np.ndarray]:
+def _regressors(strokes: Sequence[_Stroke], travels: np.ndarray) -> Iterator[np.ndarray]:
     """Yield the regressor of all strokes for each of a few `travels`."""
     return map(np.concatenate, zip(*(s.at(travels) for s in strokes), strict=True))
 
