@@ -421,6 +421,7 @@ template <class S> S allowed_way(const ProbeWatchCoefficients<S>& c, const Probe
 
 /// Room below its limits that the law leaves to the waves [N m]: the more, the less of the way is left.
 template <class S> S room_of(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s) noexcept {
+  if (!(c.params.effort > S(0))) return S(0);
   const S used = way_of(s) / allowed_way(c, s);
   return S(probe_crest) * c.params.effort * clamp(S(4) * used - S(2), S(0), S(1));
 }
@@ -477,7 +478,7 @@ SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, cons
   SafetyFault found = SafetyFault::none;
   const std::uint32_t quarter = c.params.samples / probe_window_count;
   if (s.count % quarter == 0) {
-    // The window that ends at each quarter: the second half of them begin at odd ones.
+    // The window that ends at each quarter: those that are only heard end at the odd ones.
     constexpr std::uint32_t ends[] = {0, 2, 1, 3};
     const std::uint32_t which = ends[(s.count / quarter) % probe_window_count];
     if (s.begun < probe_window_count - 1) ++s.begun, s.window[which] = {};
