@@ -161,8 +161,9 @@ def made_laws(instruments: str) -> tuple[ExportedLaw, ...]:
             law = made_exports().law(name, instruments)
             if not (instruments in TO_AND_FRO_SETS and "interaction" in law.uses):
                 made.append(law)
-        except PellucidError:
-            if instruments != "unmeasured" and not INSTRUMENT_SETS[instruments].probe:
+        except PellucidError as error:
+            has_probe = instruments == "unmeasured" or INSTRUMENT_SETS[instruments].probe
+            if not has_probe or "probe: found" not in str(error):
                 raise
     return tuple(made)
 
