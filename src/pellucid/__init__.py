@@ -32,9 +32,11 @@ def __getattr__(name: str):
     if name == "open":
         return _load("open_study")
     if name not in __all__:
-        from difflib import get_close_matches
+        near = ""
+        if not name.startswith("_"):  # Python asks for each private module before it imports it
+            from difflib import get_close_matches
 
-        near = "".join(f"; did you mean {each!r}?" for each in get_close_matches(name, __dir__(), 1))
+            near = "".join(f"; did you mean {each!r}?" for each in get_close_matches(name, __dir__(), 1))
         raise AttributeError(f"module 'pellucid' has no attribute {name!r}{near}; it has {', '.join(__dir__())}")
     is_collecting = gc.isenabled()
     gc.disable()  # an import makes many objects and no garbage

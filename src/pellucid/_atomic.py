@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -31,6 +30,8 @@ def write_bytes_atomically(path: str | os.PathLike, content: bytes | memoryview,
 @contextmanager
 def atomically(path: str | os.PathLike, *, private: bool = False) -> Iterator[BinaryIO]:
     """Open a file for writing, and rename it into place at the end; other users cannot read a `private` file."""
+    import tempfile
+
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.{os.getpid()}-", suffix=".tmp")

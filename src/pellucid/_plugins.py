@@ -12,7 +12,6 @@ commands in this way.
 from __future__ import annotations
 
 import sys
-from configparser import ConfigParser
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -94,6 +93,8 @@ def _entries(folders: tuple[str, ...]) -> tuple[_Entry, ...]:
 
     The files are read here rather than by `importlib.metadata`, whose import alone takes longer than the help.
     """
+    from configparser import ConfigParser
+
     found = []
     for folder in dict.fromkeys(folders):
         for file in sorted(Path(folder or ".").glob("*.*-info/entry_points.txt")):

@@ -10,6 +10,7 @@ import fabricate
 import pytest
 
 from pellucid.arm.study import tree_findings
+from pellucid.joint.fit.estimator_agreement import DISAGREEMENT_DOUBT, names_outside
 from pellucid.joint.study import joint_findings
 from pellucid.models.estimates import VERDICT_KINDS, Verdict, rank_verdicts
 from pellucid.study.pages.quantities import parameter_note
@@ -58,7 +59,7 @@ def test_an_interval_that_excludes_another_estimate_is_marked():
     fit = next(iter(fabricate.fit(samples=400).families.values()))
     own = fit.estimate["inertia"]
     plain = {m: replace(e, parameters=fit.estimate.parameters) for m, e in fit.others.items()}
-    assert joint_findings.names_outside(replace(fit, others=plain), 0.95) == []
+    assert names_outside(replace(fit, others=plain), 0.95) == []
     apart = replace(own, value=own.value + 6.0 * own.standard_error, influence=1.0)
     parameters = tuple(apart if p.name == "inertia" else p for p in fit.estimate.parameters)
     held = tuple(replace(p, influence=10.0) for p in fit.estimate.parameters)
@@ -67,9 +68,9 @@ def test_an_interval_that_excludes_another_estimate_is_marked():
         estimate=replace(fit.estimate, parameters=held),
         others={"output_error": replace(fit.others["output_error"], parameters=parameters)},
     )
-    outside = joint_findings.names_outside(fit, 0.95)
+    outside = names_outside(fit, 0.95)
     assert outside == ["inertia"]
-    marked = fit.with_doubt(outside, joint_findings.DISAGREEMENT_DOUBT).headline.estimate
+    marked = fit.with_doubt(outside, DISAGREEMENT_DOUBT).headline.estimate
     assert parameter_note(marked["inertia"], 0.95) == "estimators disagree"
     assert parameter_note(marked["viscous"], 0.95) == ""
 

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -26,14 +27,14 @@ def found(make_study):
 def full(monkeypatch):
     """A folder in which nothing can be written, as on a full disk or one that is read-only."""
     folders = []
-    whole = _atomic.tempfile.mkstemp
+    whole = tempfile.mkstemp
 
     def mkstemp(dir=None, **options):
         if any(Path(dir).is_relative_to(folder) for folder in folders):
             raise OSError(28, "No space left on device")
         return whole(dir=dir, **options)
 
-    monkeypatch.setattr(_atomic.tempfile, "mkstemp", mkstemp)
+    monkeypatch.setattr(tempfile, "mkstemp", mkstemp)
     return folders.append
 
 

@@ -1,6 +1,7 @@
 """Recordings beyond a size have their samples in a temporary file, and stay what they were."""
 
 import pickle
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -96,7 +97,7 @@ def test_recordings_stay_in_memory_if_no_temporary_file_can_be_written(store, mo
     def refuse():
         raise OSError("no space")
 
-    monkeypatch.setattr(stored_channels, "TemporaryFile", refuse)
+    monkeypatch.setattr(tempfile, "TemporaryFile", refuse)
     whole = recording("a")
     assert store.keep(whole)[0] is whole
     arrays = {"x": np.ones(3)}

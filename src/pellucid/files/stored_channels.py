@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from tempfile import TemporaryFile
 from typing import IO, Any, Protocol
 from weakref import finalize
 
@@ -213,6 +212,8 @@ class ChannelStore:
         if not hasattr(os, "preadv"):
             raise OSError("temporary file of samples: found no os.preadv, expected reads that leave its position alone")
         if self._file is None:
+            from tempfile import TemporaryFile
+
             self._file = TemporaryFile()  # noqa: SIM115  it is closed with the store
             finalize(self, self._file.close)
         self._file.seek(self._end)

@@ -24,11 +24,11 @@ from ...models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME, UNITS
 from ...numerics.arguments import choice, number, shown, whole_number, with_checked_arguments
 from ...numerics.motion import Filtering, settling_samples, shortest
 from ...study.array_study import ArrayStudy, array_study, parse_tables
-from ...study.procedures.registry import ALL_PROCEDURES
-from ...study.procedures.run import complete_result, take_recordings
+from ...study.procedures.procedure import take_recordings
 from ...study.quality import require_sound
 from ...study.study_file import RecordingEntry, StudyFile
 from ...units import si_text, to_si_factor
+from ..domain import PROCEDURE_ENTRIES
 from ..fit.friction_family import FamilyFit
 from ..fit.headline_choice import HeadlineChoice
 from ..fit.joint_estimate import JointEstimate
@@ -428,7 +428,7 @@ def fit_joint(
     config = parse_tables(raw, where)
     try:
         study = array_study(config, {each.name: _read_columns(each, config) for each in recordings}, where)
-        procedure = next(each for each in ALL_PROCEDURES if each.name == "joint")
+        procedure = next(each for each in PROCEDURE_ENTRIES if each.name == "joint")
         taken = take_recordings(procedure, study)
         solved = solve(taken, families, thorough=bool(thorough))
     except ReversedSignError as error:
@@ -446,6 +446,7 @@ def fit_joint(
 
     @with_one_blas_thread
     def report() -> JointResult:
+        from ...study.procedures.run import complete_result
         from .identify_joint import report_joint
 
         try:

@@ -28,7 +28,8 @@ from ...numerics.spring_evidence import (
 from ...study.cause_words import cause_sentence
 from ...study.pages.quantities import METHODS, interval_text, number, parameter_label, unit_text
 from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
-from ..fit.friction_family import FamilyFit, added_terms
+from ..fit.estimator_agreement import differing_estimates, names_outside
+from ..fit.friction_family import added_terms
 from ..fit.friction_solver import solve_family
 from ..fit.headline_choice import Candidate
 from ..fit.joint_estimate import JointEstimate
@@ -79,8 +80,6 @@ class FindingThresholds:
     min_constant_standard_errors: float = 4.0
     # The implied constant contradicts the stated one only if they differ by more than this share.
     min_constant_difference: float = 0.1
-    # A difference between two values is reported only if it changes the effort by more than this share (RMS).
-    min_disagreement_effort_share: float = 0.02
     # The error of a simulation matters from this share of the motion's standard deviation on. Chosen by judgement.
     min_simulation_error_share: float = 0.05
     # The error of a simulation is far larger than another's from this multiple of it on. Chosen by judgement.
@@ -277,10 +276,6 @@ def report_contradicting_recordings(case: JointCase) -> Iterator[Verdict]:
                 yield Verdict("warning", f"Recording '{name}' differs. {payload}", PAYLOAD_ADVICE, weight=10.0)
 
 
-DISAGREEMENT_DOUBT = "estimators disagree"
-"""Note on a parameter whose interval excludes the estimate of another estimator."""
-
-
 def _disagreements(case: JointCase) -> tuple[Disagreement, ...]:
     """Find disagreements with the best family, or with families that fit better if it finds none in the body."""
     fits = sorted(case.fits.values(), key=lambda f: (f.family != case.best, f.fitted_effort_error))
@@ -396,7 +391,7 @@ def report_estimators_disagree(case: JointCase) -> Iterator[Verdict]:
     """Report estimators that disagree, or that do far better at something that the headline is not chosen for."""
     fit, choice = case.fit, case.choice
     compared = choice.methods_of(case.best)
-    estimates, apart = _differing_estimates(fit, case.level)
+    estimates, apart = differing_estimates(fit, case.level)
     shown = {"ls", choice.method, *_winners(compared), *(m for methods in apart.values() for m in methods)}
     involved = [m for m in estimates if m in shown]
     if apart:
@@ -419,24 +414,6 @@ def report_estimators_disagree(case: JointCase) -> Iterator[Verdict]:
     elif choice.method != "ls":
         text = f"Ordinary least squares predicts worse than {METHODS[choice.method]} in cross-validation."
         yield Verdict("note", f"{text} {_used(case, involved)}", weight=5.0)
-
-
-def _differing_estimates(fit: FamilyFit, level: float) -> tuple[dict[str, JointEstimate], dict[str, list[str]]]:
-    """Return a family's estimates by method, and the methods that disagree with least squares by parameter."""
-    estimates = {fit.estimate.method: fit.estimate, **{n: e for n, e in fit.others.items() if e.converged}}
-    apart = {p.name: _disagreeing_methods(p, estimates, level) for p in fit.estimate.parameters}
-    return estimates, {name: methods for name, methods in apart.items() if methods}
-
-
-def names_outside(fit: FamilyFit, level: float) -> list[str]:
-    """Return the parameters whose interval in the headline excludes an estimate that disagrees."""
-    estimates, apart = _differing_estimates(fit, level)
-    head, outside = fit.headline.estimate, []
-    for name, methods in apart.items():
-        low, high = head[name].interval(level)
-        if any(not low <= estimates[method][name].value <= high for method in ("ls", *methods)):
-            outside.append(name)
-    return outside
 
 
 def report_other_purpose(case: JointCase) -> Iterator[Verdict]:
@@ -477,27 +454,6 @@ def _winners(compared: Mapping[str, Candidate]) -> set[str]:
 
 def _position_scale(case: JointCase) -> tuple[float, str]:
     return (float(np.degrees(1.0)), "deg") if case.rotary else (1e3, "mm")
-
-
-def _disagreeing_methods(parameter: Parameter, estimates: dict[str, JointEstimate], level: float) -> list[str]:
-    """Return the methods whose interval of a parameter does not overlap that of least squares.
-
-    The level holds for all comparisons together.
-    """
-    if parameter.at_bound:
-        return []
-    count = max(1, sum(len(e.parameters) for m, e in estimates.items() if m != "ls"))
-    times = normal_quantile(1.0 - 0.5 * (1.0 - level) / count)
-    found = []
-    for method, estimate in estimates.items():
-        other = estimate.get(parameter.name)
-        if method == "ls" or other is None or other.at_bound:
-            continue
-        difference = abs(other.value - parameter.value)
-        sure = difference > times * np.hypot(other.standard_error, parameter.standard_error)
-        if sure and difference * parameter.influence > FINDING_THRESHOLDS.min_disagreement_effort_share:
-            found.append(method)
-    return found
 
 
 def _used(case: JointCase, involved: list[str]) -> str:

@@ -31,11 +31,11 @@ from ...study.study import Study
 from ...study.study_file import JointTable, SeveralJoints
 from ..fit.causes import find_parallel_spring
 from ..fit.drive_constant import LoadShares, decide_load_shares, estimate_drive_constant
+from ..fit.estimator_agreement import DISAGREEMENT_DOUBT, names_outside
 from ..fit.friction_family import FamilyFit, SolvedFamily, fit_family
 from ..fit.headline_choice import HeadlineChoice, choose_headline
 from ..fit.replay import Machine, joint_posterior
 from ..fit.slip_direction import choose_direction
-from . import joint_findings
 from .aligned_motions import align_recordings, require_clocks, simple_model
 from .joint_faults import require_sign, require_velocity
 
@@ -205,8 +205,8 @@ def solve_joint(
     best = choice.family
     as_good = [solved[c.family].estimate_by(c.method) for c in choice.as_good if c.name != (best, choice.method)]
     fits[best] = solved[best].with_choice(choice, everything, as_good)
-    doubted = joint_findings.names_outside(fits[best], study.model.confidence)
-    fits[best] = fits[best].with_doubt(doubted, joint_findings.DISAGREEMENT_DOUBT)
+    doubted = names_outside(fits[best], study.model.confidence)
+    fits[best] = fits[best].with_doubt(doubted, DISAGREEMENT_DOUBT)
     del solved  # its regressors are large
     posterior, no_posterior = None, ""
     if study.model.posterior:

@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from ..._domains import find_domains, load_reference
-from ..._errors import RecordingError
+from ..._errors import RecordingError, UnfitRecordingError
 from ..._plugins import load_plugins, require_attributes
 from ..._printed_command import printed_command
 
@@ -247,6 +247,16 @@ class ProcedureEntry(Procedure[Any, Any]):
     def _load(self, reference: str) -> Any:
         """Return what a reference names, imported now."""
         return load_reference(self.package, reference)
+
+
+def take_recordings(procedure: Procedure, study: Study, tell: Progress = quiet) -> Study:
+    """Return the study without recordings that a procedure excludes; refuse one that has a recording twice."""
+    from ...files.duplicates import find_duplicates
+
+    twice = find_duplicates(study.recordings(on_progress=tell))
+    if twice:
+        raise UnfitRecordingError("\n".join(fault.message for fault in twice))
+    return procedure.taken(study)
 
 
 def described_procedures() -> tuple[ProcedureEntry | ModuleType, ...]:

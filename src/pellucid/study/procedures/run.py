@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..._domains import array_function
-from ..._errors import ArgumentError, IdentificationError, PellucidError, RecordingError, UnfitRecordingError
+from ..._errors import ArgumentError, IdentificationError, PellucidError, RecordingError
 from ..._processes import finished_results, with_one_blas_thread
 from ...files.duplicates import find_duplicates
 from ...files.fault import Fault, grouped_messages
@@ -29,7 +29,7 @@ from ..study import Study
 from . import registry
 from .card_sources import ResultT, found_by
 from .complete_answer import complete_answer, without_further
-from .procedure import CostedSteps, Procedure, Progress, quiet, typed_command, typed_commands
+from .procedure import CostedSteps, Procedure, Progress, quiet, take_recordings, typed_command, typed_commands
 from .registry import as_study, asked, is_study
 from .result import CombinedResult, ParameterTable, Result
 
@@ -667,14 +667,6 @@ def _run(
     completed = complete_result(procedure, study, found, taken.left_out, beside)
     tell("done", 1.0)
     return completed
-
-
-def take_recordings(procedure: Procedure, study: Study, tell: Progress = quiet) -> Study:
-    """Return the study without recordings that a procedure excludes; refuse one that has a recording twice."""
-    twice = find_duplicates(study.recordings(on_progress=tell))
-    if twice:
-        raise UnfitRecordingError("\n".join(fault.message for fault in twice))
-    return procedure.taken(study)
 
 
 def complete_result(
