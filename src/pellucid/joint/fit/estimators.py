@@ -18,8 +18,9 @@ regressor:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -39,13 +40,10 @@ MAX_ITERATIONS = 30
 """Largest number of iterations of IDIM-IV and DIDIM."""
 
 
-def simulated_motions(
-    model: JointModel, values: np.ndarray, motions: tuple[Motion, ...], machine: Machine
-) -> tuple[Motion, ...]:
-    """Simulate the motions in closed loop with a joint of these `values`, (p,), and filter and differentiate them."""
+def simulated_motions(motions: Sequence[Motion], traces: Iterable[JointTrace]) -> tuple[Motion, ...]:
+    """Filter and differentiate the simulations of motions in closed loop."""
     made = []
-    for motion in motions:
-        trace = replay(model, values, motion, machine, closed=True)
+    for motion, trace in zip(motions, traces, strict=True):
         if not is_bounded(trace.position):
             raise IdentificationError(
                 f"recording '{motion.recording}': the simulated closed loop diverges, so that methods in closed loop "
@@ -67,10 +65,16 @@ SimulatedRows = Callable[[], tuple[np.ndarray, np.ndarray]]
 
 
 def simulated_rows(
-    model: JointModel, values: np.ndarray, data: Stack[Motion], machine: Machine
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the regressor, (m, p), and the effort, (m,), in the closed loop that is simulated with `values`, (p,)."""
-    simulated = simulated_motions(model, values, data.motions, machine)
+    model: JointModel, values: np.ndarray, data: Stack[Motion], machine: Machine,
+    simulate: Callable[[Motion], JointTrace] | None = None,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Return the regressor, (m, p), and the effort, (m,), in the closed loop that is simulated with `values`, (p,).
+
+    `simulate` returns the simulation of a motion with these values, if another step uses it too.
+    """
+    if simulate is None:
+        simulate = partial(replay, model, values, machine=machine, closed=True)
+    simulated = simulated_motions(data.motions, map(simulate, data.motions))
     return regression_rows(model, values, Stack(simulated, data.targets))
 
 

@@ -16,6 +16,7 @@ from ..._errors import IdentificationError
 from ...models.estimates import UNDETERMINED_REASON, Parameter
 from ...models.friction_terms import shape_index, shaped_by
 from ...models.joint import SYMBOLS_BY_NAME, JointModel
+from ...models.simulate import JointTrace
 from ...numerics.distributions import normal_quantile
 from ...numerics.motion import Motion
 from ...numerics.regression import Solution, Stack, stack
@@ -45,6 +46,7 @@ from .replay import (
     make_predictive_band,
     pool_errors,
     predict,
+    replay,
     simulate_recording,
 )
 
@@ -337,9 +339,14 @@ def _apply_other_methods(
         except (IdentificationError, np.linalg.LinAlgError) as error:
             failures[name] = str(error)
 
+    traces: dict[int, JointTrace] = {}  # in closed loop by the values of least squares
+
+    def simulate(motion: Motion) -> JointTrace:
+        return traces.setdefault(id(motion), replay(model, first.values, motion, machine, closed=True))
+
     given = model, data, machine, first
     if all(machine.can_close(m) for m in data.motions):
-        begun = cache(lambda: simulated_rows(model, first.values, data, machine))
+        begun = cache(lambda: simulated_rows(model, first.values, data, machine, simulate))
         attempt("iv", lambda: solve_instrumental(*given, begun))
         attempt("didim", lambda: (solve_didim(*given, begun), None))
     attempt("output_error", lambda: (solve_output_error(*given), None), [len(m.moving) for m in data.motions])
@@ -350,7 +357,8 @@ def _apply_other_methods(
         for motion in everything:
             for closed in (True, False) if machine.can_close(motion) else (False,):
                 try:
-                    made.append(simulate_recording(model, values, motion, machine, closed=closed))
+                    trace = traces.get(id(motion)) if closed and method == "ls" else None
+                    made.append(simulate_recording(model, values, motion, machine, closed=closed, trace=trace))
                 except IdentificationError as error:
                     failures[f"simulation of {motion.recording}"] = str(error)
         simulations[method] = tuple(made)

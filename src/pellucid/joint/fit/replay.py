@@ -129,14 +129,22 @@ def is_bounded(response: np.ndarray) -> bool:
 
 
 def simulate_recording(
-    model: JointModel, values: np.ndarray, motion: Motion, machine: Machine, *, closed: bool, travel: float = 0.0
+    model: JointModel,
+    values: np.ndarray,
+    motion: Motion,
+    machine: Machine,
+    *,
+    closed: bool,
+    travel: float = 0.0,
+    trace: JointTrace | None = None,
 ) -> Simulation:
     """Simulate one `motion` of a `machine` and compare it with the recording, both filtered alike.
 
     The joint is a `model` at `values`, (p,), in `closed` loop or driven by the recorded command. It has true stiction,
-    or friction that builds up over a `travel` [rad or m].
+    or friction that builds up over a `travel` [rad or m]. `trace` is the simulation if another step made it.
     """
-    trace = replay(model, values, motion, machine, closed=closed, travel=travel)
+    if trace is None:
+        trace = replay(model, values, motion, machine, closed=closed, travel=travel)
     if not (is_bounded(trace.acceleration) and is_bounded(trace.effort)):
         raise IdentificationError(
             f"recording '{motion.recording}': the simulated joint diverges; check the sign and unit of the effort"

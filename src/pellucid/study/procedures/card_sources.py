@@ -59,7 +59,11 @@ def card_sources(study: Study, procedure: Procedure) -> dict[str, str]:
     """
     from .registry import ALL_PROCEDURES
 
-    others = {each.name for each in ALL_PROCEDURES if each.table is not None and each.command != procedure.command}
+    stated = study.config.model_fields_set  # the tables of other procedures are not imported
+    others = {
+        each.name for each in ALL_PROCEDURES
+        if each.name in stated and each.command != procedure.command and each.table is not None
+    }  # fmt: skip
     used = study.config.model_dump(exclude_defaults=True, exclude=UNUSED_TABLES | others, warnings=False)
     unused = (INSTRUMENTS_KEY,) if procedure.uses_limits else (INSTRUMENTS_KEY, "limits")
     used["rig"] = without_keys(used["rig"], *unused)
