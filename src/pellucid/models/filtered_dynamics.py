@@ -56,6 +56,10 @@ class FilteredMotion(Protocol):
     """States of a joint, each (n,), SI, through one low-pass; `smooth` is that low-pass, of (n,) or (n, k)."""
 
     @property
+    def count(self) -> int:
+        """Number of samples n."""
+
+    @property
     def position(self) -> np.ndarray:
         """Filtered position [rad or m]."""
 
@@ -240,7 +244,7 @@ def _filtered_columns(motion: FilteredMotion, wanted: Sequence[_Columns]) -> lis
             first, end = end, end + len(wanted[i].terms)
             made[kinds[i]] = wanted[i].vector, filtered[:, first:end]
             # What the sign of the velocity alone decides is kept, however long a motion is; it must not hold the rest.
-            if i == 0 or len(motion.position) <= MAX_CACHED_SAMPLES:
+            if i == 0 or motion.count <= MAX_CACHED_SAMPLES:
                 kept[kinds[i]] = wanted[i].vector, np.array(made[kinds[i]][1])
     return [made[kind][1] for kind in kinds]
 
@@ -293,7 +297,7 @@ def _given_way(jumps: np.ndarray, motion: FilteredMotion) -> np.ndarray:
 
 def _body_regressor(motion: FilteredMotion, terms: tuple[int, ...]) -> np.ndarray:
     """Return the regressor of some of the `BODY_TERMS`, (n, k)."""
-    if len(motion.position) > MAX_CACHED_SAMPLES:
+    if motion.count > MAX_CACHED_SAMPLES:
         return regressor(motion.position, motion.velocity, motion.acceleration, terms)
     return _smooth_regressor(motion)[:, [SMOOTH_TERMS.index(i) for i in terms]]
 
@@ -304,6 +308,6 @@ def _smooth_regressor(motion: FilteredMotion) -> np.ndarray:
     if "smooth_regressor" in kept:
         return kept["smooth_regressor"]
     made = regressor(motion.position, motion.velocity, motion.acceleration, SMOOTH_TERMS)
-    if len(motion.position) <= MAX_CACHED_SAMPLES:
+    if motion.count <= MAX_CACHED_SAMPLES:
         kept["smooth_regressor"] = made
     return made

@@ -124,10 +124,15 @@ class Motion:
     # (n,) [rad/s or m/s]: the velocity with the sign of the direction of motion, if that is sharper than the velocity's
     slip_velocity: np.ndarray | None = None
 
+    @cached_property
+    def count(self) -> int:
+        """Number of samples, for which stored ones are read once."""
+        return len(self.position)
+
     @property
     def inner(self) -> slice:
         """Samples left after trimming either border."""
-        return slice(self.filtering.trim, len(self.position) - self.filtering.trim)
+        return slice(self.filtering.trim, self.count - self.filtering.trim)
 
     def reduce(self, samples: np.ndarray) -> np.ndarray:
         """Trim and decimate: the last, common step of both sides of a regression. `samples` (n,); gives (m,)."""
@@ -162,7 +167,7 @@ class Motion:
     @property
     def kept(self) -> np.ndarray:
         """Samples at which rows are taken, shape (m,)."""
-        return np.arange(len(self.position))[self.inner][:: self.filtering.decimate][self.moving]
+        return np.arange(self.count)[self.inner][:: self.filtering.decimate][self.moving]
 
     @cached_property
     def moving(self) -> np.ndarray:

@@ -131,7 +131,7 @@ def take_excerpt(recordings: Iterable[Recording], study: Study, everything: tupl
     Fitted recordings alone decide whether fits use an excerpt of them, and held-out ones are shortened on their own
     account.
     """
-    samples = {s: sum(len(m.position) for m in everything if m.split == s) for s in ("fitted", "heldout")}
+    samples = {s: sum(m.count for m in everything if m.split == s) for s in ("fitted", "heldout")}
     in_pieces = {m.split for m in everything if m.command is None}
     long = {split: count >= MIN_LONG_SAMPLES or split in in_pieces for split, count in samples.items()}
     if not any(long.values()):

@@ -121,9 +121,14 @@ class SliderMotion:
     effort_mean: int | None = None
 
     @property
+    def count(self) -> int:
+        """Number of samples."""
+        return len(self.position)
+
+    @property
     def time(self) -> np.ndarray:
         """Time of the kept samples, shape (n,) [s]."""
-        return np.arange(len(self.position)) / self.fs
+        return np.arange(self.count) / self.fs
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
         """The samples, (n,) or (n, k), that a regression uses."""

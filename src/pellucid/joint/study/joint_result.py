@@ -213,7 +213,7 @@ def traces_of(motions: Sequence[Motion]) -> tuple[Trace, ...]:
         whole.setdefault(motion.recording, []).append(motion)
 
     def joined(parts: list[Motion], signal: str) -> np.ndarray:
-        keep = max(1, sum(len(m.position) for m in parts) // MAX_DRAWN_SAMPLES)
+        keep = max(1, sum(m.count for m in parts) // MAX_DRAWN_SAMPLES)
         return np.concatenate([np.append(getattr(m, signal)[m.inner][::keep], np.nan) for m in parts])[:-1]
 
     traces = [

@@ -141,6 +141,7 @@ def solve_joint(
 
     payloads = {m.payload for m in data.motions if m.payload[0]}
     known_drive = drive.effort_unit in ("N*m", "N")
+    fastest = max(float(np.abs(m.velocity[m.inner]).max()) for m in data.motions)
 
     spring = ParallelSpring()
 
@@ -152,7 +153,7 @@ def solve_joint(
             gravity=study.model.gravity,
             known=study.model.known,
             separate_load=separate_load,
-            velocity_range=max(float(np.abs(m.velocity[m.inner]).max()) for m in data.motions),
+            velocity_range=fastest,
             parallel_spring=spring.is_found,
         )
         scale = 1.0 if known_drive else 0.0 if constant is None else 1.0 / constant.value
