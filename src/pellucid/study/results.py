@@ -6,7 +6,7 @@ import json
 import math
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -115,7 +115,7 @@ def require_own_page(folder: Path, command: str) -> None:
 
 def row_table(row: ResultRow) -> dict[str, Any]:
     """Return a row as a table for JSON; the key "undetermined" is omitted if it is False."""
-    return {key: value for key, value in asdict(row).items() if key != "undetermined" or value}
+    return {key: value for key, value in vars(row).items() if key != "undetermined" or value}
 
 
 def read_rows(path: str | os.PathLike) -> list[ResultRow]:
