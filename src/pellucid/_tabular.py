@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 from ._errors import missing_package
@@ -34,6 +33,8 @@ def text_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]], facts: Sequence[str] = ()) -> str:
     """Return a table as HTML, with a caption above it and sentences below it."""
+
+    from html import escape
 
     def row(cells: Sequence[str], tag: str) -> str:
         return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"

@@ -10,7 +10,6 @@ import ast
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import date, timedelta
-from difflib import get_close_matches
 from functools import wraps
 from numbers import Integral, Real
 from os import PathLike
@@ -242,6 +241,8 @@ def with_checked_arguments(function: Callable[Parameters, Returned]) -> Callable
         try:
             bound = signature.bind(*arguments, **given)
         except TypeError as error:
+            from difflib import get_close_matches
+
             near = [
                 f'; is "{close[0]}" meant?'
                 for name in options

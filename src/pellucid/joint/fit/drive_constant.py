@@ -27,13 +27,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from ... import _core
 from ..._errors import IdentificationError
-from ...models.anthropometry import Segment
 from ...models.estimates import Parameter
 from ...models.filtered_dynamics import filtered_jacobian
 from ...models.friction_terms import SEPARATE_LOAD_FEATURE, TERMS
@@ -45,6 +44,9 @@ from ...numerics.uncertainty import correlation_time, sandwich_covariance
 from .discrepancy import COMMON_LOAD_COEFFICIENT, LOAD_SHARE_SPREAD_RATIO, estimate_discrepancy
 from .friction_solver import solve_family
 from .joint_estimate import JointEstimate, joint_states
+
+if TYPE_CHECKING:
+    from ...models.anthropometry import Segment
 
 MAX_STEPS = 30
 """Gauss-Newton steps; a model without load friction needs two."""
@@ -143,6 +145,8 @@ class LoadEstimate:
     @property
     def load(self) -> Segment:
         """The load as a law takes it."""
+        from ...models.anthropometry import Segment
+
         return Segment(self.mass, self.distance, self.mass * self.distance**2)
 
 
