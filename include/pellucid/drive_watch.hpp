@@ -11,8 +11,9 @@
 //
 // so that an error of the measurement within `gain` and `offset` never accumulates, whatever the motion. What its noise
 // and its lag add is forgotten with the time constant T. A slow torque loop may give what it was asked for a while ago:
-// where the command turns with the motion, as at the end of a strap's slack, being late alone adds energy. So d is what
-// was asked for now or as late as the loop, whichever gives more energy: a drive may be quicker than its loop is thought.
+// where the command turns with the motion, as under dither or at the end of a strap's slack, being late alone adds
+// energy. So d is the last command, the one before it, or the command as late as the loop, whichever gives most energy:
+// a drive may be quicker than its loop is thought, and a period later.
 //
 // A torque loop may leave its drive's inertia to whoever moves the joint: it takes energy while the joint speeds up and
 // gives it back while it slows down, beside any command. Nobody knows how much of it a loop makes up for. So there are two
@@ -100,7 +101,9 @@ void account(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given
   const S moved = period * velocity;
   const S asked = clamp(s.asked, -p.limit, p.limit);
   s.due = asked + p.late * (s.due - asked);
-  const S meant = (asked - s.due) * moved > S(0) ? asked : s.due;
+  const S earlier = clamp(s.asked_before, -p.limit, p.limit);
+  const S later = (s.due - earlier) * moved > S(0) ? s.due : earlier;
+  const S meant = (asked - later) * moved > S(0) ? asked : later;
   const S accuracy = p.gain * abs(meant) + p.offset;
   const S added = (given - meant) * moved - accuracy * abs(moved), before = s.kinetic;
   s.kinetic = S(0.5) * p.inertia * velocity * velocity;

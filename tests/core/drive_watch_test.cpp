@@ -72,6 +72,36 @@ template <class S> void drive_readings() {
   check(p::step(watch, state, S(0), S(0), S(1), true) == F::drive_effort, "but not what no drive can add");
 }
 
+/// Why a drive is stopped that follows a dithered command one period late, on a joint that vibrates as its reading says.
+/// It adds `added` [N m] the way a slow motion goes.
+template <class S> F dithered(S added, double longest) {
+  p::DriveWatchParams<S> watch;
+  watch.expected = 1;
+  watch.tolerance = S(0.5);
+  watch.surplus = S(0.05);
+  watch.late = S(0.8);
+  watch.gain = S(0.05);
+  watch.offset = S(0.1);
+  watch.forget = S(1e-4);
+  p::DriveWatchState<S> state;
+  S given = S(1), late = S(1);
+  for (int k = 0; 1e-3 * k < longest; ++k) {
+    const S velocity = S(0.5) * (given - S(1)) + added;
+    const F fault = p::step(watch, state, given + added, velocity, S(1e-3), true);
+    if (fault != F::none) return fault;
+    given = given + S(0.45) * (late - given);
+    late = state.asked;
+    p::ask(state, S(1) + S(0.8) * p::sin(static_cast<S>(k % 44) * S(2 * 3.14159265 * 6 / 44)));
+  }
+  return F::none;
+}
+
+/// A command that changes as fast as the drive is late adds no energy.
+template <class S> void dithered_commands() {
+  check(dithered<S>(S(0), 60) == F::none, "late alone is no fault");
+  check(dithered<S>(S(0.4), 3) == F::drive_effort, "what it adds beside is one");
+}
+
 /// One reading alone that is outside stops nobody; two in a row count as before, and what no drive can give is no reading.
 template <class S> void lone_readings() {
   p::DriveWatchParams<S> watch;
@@ -203,6 +233,8 @@ int main() {
   outside_of_a_command<float>();
   ends_of_readings<double>();
   ends_of_readings<float>();
+  dithered_commands<double>();
+  dithered_commands<float>();
   lone_readings<double>();
   lone_readings<float>();
   drive_readings<double>();
