@@ -158,7 +158,7 @@ template <class S> ProbeWatchCoefficients<S> coefficients(const ProbeWatchParams
   for (std::uint32_t i = 0; i <= probe_bin_count; ++i) c.turn[i] = sincos(cycle * static_cast<S>(probe_cycles[i]));
   c.inertia_rate = p.inertia / period;
   c.period = period;
-  c.idle = S(probe_idle_share) * p.travel;
+  c.idle = is_finite(p.travel) ? S(probe_idle_share) * p.travel : S(0);
   c.smoothing = period < S(0.016) ? period / S(0.016) : S(1);
   for (std::uint32_t i = 0; i < probe_bin_count; ++i) {
     // The second difference of a wave is 2 (1 - cos) of it; the squares of Hann weights sum up to 3/8 of their number.
@@ -442,8 +442,6 @@ SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, cons
                  const S& late) noexcept {
   if (!(c.params.effort > S(0))) return SafetyFault::none;
   const S torque = c.inertia_rate * (velocity - s.velocity);
-  s.added = s.added + max(S(probe_added_gain) * asked * velocity * c.period, S(0));
-  if (!is_finite(s.added)) s.added = S(0);
   s.velocity = velocity;
   s.slow = s.slow + c.smoothing * (velocity - s.slow);
   if (!is_finite(s.slow)) s.slow = S(0);
@@ -453,6 +451,8 @@ SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, cons
   if (!is_finite(s.apart)) s.apart = S(0);
   const S gone = s.apart - clamp(s.apart, -c.idle, c.idle);
   s.apart = s.apart - gone;
+  s.added = s.added + max(S(probe_added_gain) * asked * gone, S(0));
+  if (!is_finite(s.added)) s.added = S(0);
   const ProbePhasor<S>& weighs = s.phase[probe_bin_count];
   const S weights[probe_window_count] = {S(0.5) * (S(1) - weighs.real), S(0.5) * (S(1) + weighs.real),
                                          S(0.5) * (S(1) - weighs.imaginary), S(0.5) * (S(1) + weighs.imaginary)};

@@ -564,7 +564,7 @@ void travel() {
   // The two windows share the way of a joint that goes forth and back, each with its part of it.
   Joint<double> j;
   j.c.params.travel = 1e9, j.gain = 0, j.fastest = 4;
-  check(j.c.idle == never, "of an endless way");
+  check(j.c.idle == 0, "of an endless way everything counts");
   j.c.idle = 0.01;
   double gone[2] = {};
   for (int k = 0; k < 20000; ++k) {
@@ -646,6 +646,14 @@ void one_period() {
     added += power > 0 ? p::probe_added_gain * power * 0x1p-10 : 0;
     check_close(s.added, added, 1e-12, "what the drive gives is added, what it takes is not");
   }
+  auto bounded = r;
+  bounded.travel = 1;
+  const auto held = p::coefficients(bounded, 0x1p-10);
+  p::ProbeWatchState<double> trembles;
+  for (int k = 0; k < 4000; ++k) p::step(held, trembles, k % 64 < 32 ? 0.5 : -0.5, 40.0, 0.0);
+  check(trembles.added == 0, "a hand that trembles under a weight adds nothing");
+  for (int k = 0; k < 1024; ++k) p::step(held, trembles, 0.5, 40.0, 0.0);
+  check(trembles.added > p::probe_added_gain * 40.0 * (0.5 - 2 * 0.02), "a way does");
   for (const double bad : {std::numeric_limits<double>::quiet_NaN(), never}) {
     s.added = s.slow = bad;
     p::step(c, s, 0.5, 1.0, 0.0);

@@ -131,14 +131,14 @@ def test_not_without_an_inertia():
 @pytest.mark.parametrize("limit", [3.0, 5.0, 10.0, 40.0, 200.0])
 @pytest.mark.parametrize("speed", [0.5, 2.0, 8.0, 20.0, 60.0])
 def test_a_stuck_drive_gives_its_energy_on_the_way_that_is_left_to_it(limit, speed):
-    """Stuck at half of its effort it gives 4.6 J, unless the velocity limit makes 0.093 s or 0.16 s of way of it."""
+    """Stuck at half of its effort it gives 4.6 J, unless 0.7 rad, 0.093 s or 0.16 s at the velocity limit bound its way."""
     numbers = {"limit": 10.0, "period": 1e-3, "speed_limit": speed, "drive_limit": limit}
     travel = probe_numbers(INERTIA, 1e-5, **numbers)["probe_travel"]
     half = 0.5 * limit
-    if 0.093 * speed * half > 4.6:
-        assert travel == pytest.approx(0.093 * speed)
-    elif 0.16 * speed * half < 4.6:
+    if 0.16 * speed < max(4.6 / half, 0.7):
         assert travel == pytest.approx(0.16 * speed)
+    elif half * max(0.093 * speed, 0.7) > 4.6:
+        assert travel == pytest.approx(max(0.093 * speed, 0.7))
     else:
         assert half * travel == pytest.approx(4.6)
     unknown = numbers | {"limit": limit, "drive_limit": math.inf}
@@ -157,6 +157,22 @@ def test_a_wave_that_nobody_feels_and_every_encoder_shows():
         assert numbers["probe_moving"] == pytest.approx(max(0.1, 2.0 * fastest))
     slow = probe_numbers(INERTIA, 1e-5, limit=20.0 * INERTIA * 2.3, period=1e-3)
     assert slow["probe_moving"] == pytest.approx(max(0.1, 2.0 * 0.12 * MAX_PROBE_SHARE * 46.0 / (2.0 * math.pi * 5)))
+
+
+@pytest.mark.parametrize("speed", [4.0, 8.0, math.inf])
+def test_a_heavy_robot_carries_itself_over_the_way_that_its_drive_may_go_unheard(speed):
+    """Three times the gain adds twice the effort: no wearer is left with a weight before the way is used up."""
+    numbers = {"limit": 80.0, "period": 1e-3, "speed_limit": speed}
+    made = probe_numbers(INERTIA, 1e-5, steady=50.0, **numbers)
+    way = made["probe_travel"] if math.isfinite(speed) else 4.6 / 40.0
+    assert made["probe_energy"] == pytest.approx(max(4.0, 2.0 * 50.0 * way))
+    assert probe_numbers(INERTIA, 1e-5, steady=1.0, **numbers)["probe_energy"] == 4.0
+
+
+def test_the_probe_carries_what_the_law_carries_of_weight_and_friction():
+    heavy = law().changed(gravity_sine=40.0, effort_limit=80.0, velocity_limit=8.0)
+    made = probed(heavy, encoder_resolution=1e-5).supervision
+    assert made["probe_energy"] == pytest.approx(2.0 * 40.0 * made["probe_travel"], rel=0.1)
 
 
 def test_answers_at_commissioning_are_the_supervisors_numbers():

@@ -78,8 +78,12 @@ MIN_PROBE_SPEED = 0.1
 UNHEARD_S = (0.093, 0.16)
 """Times at the velocity limit whose ways are the shortest and the longest that the joint may go, forth or back, while
 its drive is not heard: see `STUCK_ENERGY_J`. The shortest is more than the 0.075 s of way that windows of the probe
-hold which have not ended yet; at 8 rad/s a drive stuck at 6.7 N m gives 5 J on it. With a limit of 4.5 rad/s, 0.138 s
-stopped 2 of 144 tuning wearers whom the longest let go on."""
+hold which have not ended yet; at 8 rad/s a drive stuck at 6.7 N m gives 5 J on it."""
+
+MIN_UNHEARD_WAY = 0.7
+"""Such a way below which a healthy robot is stopped, unless the longest is shorter [rad or m]: who moves more slowly is
+heard as late. With a limit of 4.5 rad/s, 0.62 rad stopped 2 of 144 tuning wearers whom the longest let go on; with 4
+rad/s on a robot of 44 N m, 0.37 rad stopped 28 times in 8 h, mostly one of 96 robots, and the longest never."""
 
 STUCK_ENERGY_J = 4.6
 """Energy that a drive which is stuck at half of its largest effort gives on that way, between both bounds [J].
@@ -89,9 +93,10 @@ known. The robot's weight, which a stuck drive leaves to the wearer, adds to it.
 
 
 MAX_UNHEARD_ENERGY_J = 4.0
-"""Energy that a drive with three times the gain may add before it is detected and the law's effort is 0 [J].
+"""Smallest energy that a drive with three times the gain may add before it is detected and the law's effort is 0 [J].
 
-It adds more until the power is off; the energy delivered to the wearer should stay below 5 J."""
+It adds more until the power is off; the energy delivered to the wearer should stay below 5 J. A heavier robot gives more
+while it carries itself over the way that its drive may go unheard: with less it would drop its weight in healthy use."""
 
 
 PROBE_ANSWER_ERROR = 0.1
@@ -128,12 +133,18 @@ def probe_samples(period: float) -> int:
     return 4 * round(0.25 * PROBE_WINDOW_S / period)
 
 
+def stuck_effort(drive_limit: float, limit: float) -> float:
+    """Return the effort at which a drive is assumed to be stuck, half of its largest one, else of the law's `limit`."""
+    return 0.5 * (drive_limit if math.isfinite(drive_limit) else limit)
+
+
 def probe_numbers(
     inertia: float,
     resolution: float,
     *,
     limit: float,
     period: float,
+    steady: float = 0.0,
     speed_limit: float = math.inf,
     drive_limit: float = math.inf,
 ) -> Mapping[str, float]:
@@ -149,6 +160,8 @@ def probe_numbers(
         Effort limit of the law [N m or N].
     period : float
         Control period [s].
+    steady : float
+        Largest effort with which the law carries the robot's own weight and friction [N m or N].
     speed_limit : float
         Velocity limit of the law [rad/s or m/s]; infinite where it has none, and the way is not bounded then.
     drive_limit : float
@@ -178,16 +191,18 @@ def probe_numbers(
     samples = probe_samples(period)
     slowest = 2.0 * math.pi * PROBE_CYCLES[0] / (samples * period)
     speed = PROBE_CREST * amplitude / (inertia * slowest)
-    stuck = 0.5 * (drive_limit if math.isfinite(drive_limit) else limit)
+    stuck = stuck_effort(drive_limit, limit)
     shortest, longest = (time * speed_limit for time in UNHEARD_S)
+    travel = min(max(STUCK_ENERGY_J / stuck, shortest, MIN_UNHEARD_WAY), longest)
+    way = travel if math.isfinite(travel) else STUCK_ENERGY_J / stuck
     return {
         "probe_effort": amplitude,
         "probe_samples": float(samples),
         "probe_inertia": inertia,
         "probe_noise": resolution / PROBE_READING_ERRORS,
         "probe_moving": max(MIN_PROBE_SPEED, PROBE_SPEED_MARGIN * speed),
-        "probe_travel": min(max(STUCK_ENERGY_J / stuck, shortest), longest),
-        "probe_energy": MAX_UNHEARD_ENERGY_J,
+        "probe_travel": travel,
+        "probe_energy": max(MAX_UNHEARD_ENERGY_J, 2.0 * steady * way),
     }
 
 
@@ -697,6 +712,27 @@ def weight_of(body: Mapping[str, float]) -> float:
     return math.hypot(body["gravity_sine"], body["gravity_cosine"]) + abs(body["offset"])
 
 
+def steady_effort(body: Mapping[str, float], gravity_share: float, limit: float) -> float:
+    """Return the largest effort with which a law carries a `body` at rest, its weight and friction, SI.
+
+    `gravity_share` is that of the weight which the law carries, and `limit` its effort limit.
+    """
+    weight = weight_of(body)
+    return min(min(gravity_share * weight, limit) + body_resistance(body, 0.0, weight), limit)
+
+
+def unheard_energies(numbers: Mapping[str, float]) -> tuple[float, float, float]:
+    """Return the energies that faults of a drive may give over the way that it may go unheard [J].
+
+    They are of a drive stuck at half of its largest effort, of a reversed one or one with three times the gain, and of
+    one without effort. `numbers` are those of a law with a probe and of its supervisor, by name.
+    """
+    body = {name.removeprefix("body_"): value for name, value in numbers.items() if name.startswith("body_")}
+    limit, travel = numbers["effort_limit"], numbers["probe_travel"]
+    steady = steady_effort(body, numbers.get("gravity_share", 1.0), limit)
+    return stuck_effort(numbers["drive_limit"], limit) * travel, 2.0 * steady * travel, steady * travel
+
+
 def body_friction(law: ControlLaw, weight: float) -> dict[str, float]:
     """Return the friction in a law's numbers, by the terms of `FRICTION_POWERS`, SI.
 
@@ -955,8 +991,9 @@ def supervision_of(
     if instruments.probe:
         resolution = complete.encoder_resolution
         made |= probe_numbers(
-            inertia, resolution, limit=effort, period=period, speed_limit=speed, drive_limit=instruments.drive_limit
-        )
+            inertia, resolution, limit=effort, period=period, speed_limit=speed, drive_limit=instruments.drive_limit,
+            steady=steady_effort(body, v.get("gravity_share", 1.0), effort),
+        )  # fmt: skip
         made |= commissioned_answers(instruments.probe_answer)
     if inertia > 0.0 and instruments.asks_at_rest:
         made |= {

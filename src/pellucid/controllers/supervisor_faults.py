@@ -6,11 +6,13 @@ here. The end of the catalogue lists detection rates of drive faults without a m
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from .. import _core
 from .instruments import Instruments
+from .supervised import unheard_energies
 
 FAULT_NAMES: tuple[str, ...] = tuple(_core.FAULTS)
 """Names of all faults, in the order of the core's codes."""
@@ -183,32 +185,54 @@ UNSEEN_FAULTS = (
 """The same with a measurement that has the drive's own fault."""
 
 
-def describe_drive_watch(is_measured: bool, probes: bool) -> str:
-    """Return which faults of a drive the supervisor of one joint detects."""
-    if not is_measured:
-        return warn_of_unmeasured_drive(probes)
+SIMULATED_ROBOTS = "simulated elbow robots with an effort limit of 10 N·m"
+"""Robots on which drive faults were tried."""
+
+
+def describe_drive_watch(numbers: Mapping[str, float]) -> str:
+    """Return which faults of a drive the supervisor of one joint detects.
+
+    `numbers` are those of the law and of its supervisor, by name.
+    """
+    if numbers["drive_expected"] != 1.0:
+        return warn_of_unmeasured_drive(numbers)
     return (
-        "The supervisor compares the measured effort of the drive with its command. Detection of drive faults in "
-        f"simulation, with the largest excess energy delivered to the wearer: {'; '.join(MEASURED_FAULTS)}. A "
+        "The supervisor compares the measured effort of the drive with its command. Detection of drive faults on "
+        f"{SIMULATED_ROBOTS}, with the largest excess energy delivered to the wearer: {'; '.join(MEASURED_FAULTS)}. A "
         f"measurement that has the fault of the drive hides it: {'; '.join(UNSEEN_FAULTS)}."
     )
 
 
-def warn_of_unmeasured_drive(probes: bool) -> str:
-    """Return the limits of fault detection without a drive measurement, with a probe or without one."""
+def warn_of_unmeasured_drive(numbers: Mapping[str, float]) -> str:
+    """Return the limits of fault detection without a drive measurement, with a probe or without one.
+
+    `numbers` are those of the law and of its supervisor, by name.
+    """
     measured = (
         f"With a drive measurement: {'; '.join(MEASURED_FAULTS)}. Add [rig.instruments.drive_sensor] and export again."
     )
-    if probes:
+    if numbers["probe_effort"] > 0.0:
         return (
             "The drive reports no measured torque or current, so that the supervisor tests it with a probe, which the "
-            "wearer may feel. Detection of drive faults in simulation, with the largest excess energy delivered to the "
-            f"wearer: {'; '.join(PROBED_FAULTS)}. {measured}"
+            f"wearer may feel. {_bound_of_energies(numbers)}Detection of drive faults on commissioned "
+            f"{SIMULATED_ROBOTS}, with the largest excess energy delivered to the wearer: {'; '.join(PROBED_FAULTS)}. "
+            f"{measured}"
         )
     return (
-        "Limited fault detection: the drive reports no measured torque or current. In simulation, the supervisor "
-        "missed many drive faults. Detection rates, with the largest excess energy delivered to the wearer: "
+        "Limited fault detection: the drive reports no measured torque or current. The supervisor missed many drive "
+        f"faults of {SIMULATED_ROBOTS}. Detection rates, with the largest excess energy delivered to the wearer: "
         f"{'; '.join(UNMEASURED_FAULTS)}. {measured}"
+    )
+
+
+def _bound_of_energies(numbers: Mapping[str, float]) -> str:
+    if not math.isfinite(numbers["probe_travel"]):
+        return "Without a velocity limit the energy of its faults is not bounded. "
+    stuck, wrong, dead = (f"{energy:.2g}" if energy < 10.0 else f"{energy:.0f}" for energy in unheard_energies(numbers))
+    return (
+        f"On this robot the stop bounds the energy to about {stuck} J with the effort stuck at half of its limit, "
+        f"{wrong} J with reversed polarity or three times the effort, and {dead} J without effort; a lower "
+        "velocity limit in [rig.limits] lowers it. "
     )
 
 

@@ -110,7 +110,7 @@ def c_content(study: str, values: ControllerValues) -> dict[str, Any]:
         "instruments": values.listed_instruments,
         "unmeasured": ""
         if values.instruments.drive
-        else warn_of_unmeasured_drive(values.supervised.supervision["probe_effort"] > 0.0),
+        else warn_of_unmeasured_drive({**values.numbers, **values.supervised.supervision}),
         "period": values.numbers["period"],
         "supervision": values.supervised.supervision,
         "supervisor": model_fields("supervisor"),

@@ -153,7 +153,7 @@ class LawExporter(ControllerExporter):
         """Return the answer, with what the supervisor of the written law detects of a drive's faults."""
         numbers = LAW_TARGETS[request.to].read_constants(place)
         is_measured, probes = numbers["drive_expected"] == 1.0, numbers["probe_effort"] > 0.0
-        said = describe_drive_watch(is_measured, probes)
+        said = describe_drive_watch(numbers)
         doubts = (
             "" if is_measured or probes else "limited fault detection",
             "cannot hold the joint everywhere" if largest_weight(numbers) > numbers["effort_limit"] else "",
