@@ -25,9 +25,9 @@ from pellucid.controllers.export.controller_values import ControllerValues, join
 from pellucid.controllers.export.export_answer import export_answer, save_answer
 from pellucid.controllers.export.microcontroller import OnCortexM4, measure, missing_tools
 from pellucid.controllers.export.replay_vector import SUPERVISOR_VARIANTS
-from pellucid.controllers.instruments import COMMISSIONING_CONDITION
+from pellucid.controllers.instruments import COMMISSIONING_CONDITION, Instruments
 from pellucid.controllers.residual_compensator import design
-from pellucid.controllers.supervised import PROBE_ANSWER_ERROR, PROBE_ANSWER_NAMES, SUPERVISOR_NAMES
+from pellucid.controllers.supervised import PROBE_ANSWER_ERROR, PROBE_ANSWER_NAMES, SUPERVISOR_NAMES, unheard_energies
 from pellucid.controllers.supervisor_faults import UNMEASURED_FAULTS, warn_of_unmeasured_drive
 from pellucid.models.card import CardParameter, ModelCard, write_card
 from pellucid.models.slider_joint import SliderCard
@@ -190,11 +190,30 @@ def test_an_export_that_cannot_see_its_drive_asks_it(study, unplayed):
 @pytest.mark.parametrize("to", ["c", "fmu", "ros2_control"])
 def test_each_form_of_a_law_says_what_it_protects_from(study, to, unplayed):
     """A package for ros2_control said nothing of an unmeasured drive."""
-    answer = export_answer(study, to, pellucid.export(study, to))
-    assert answer.sentence == warn_of_unmeasured_drive(probes=True)
+    numbers = read_constants(pellucid.export(study))
+    answer = export_answer(study, to, pellucid.export(study, to, overwrite=True))
+    assert answer.sentence == warn_of_unmeasured_drive(numbers)
     assert answer.basis is not None
     assert answer.basis.counted == "model card"
     assert answer.next
+
+
+def test_the_energy_of_faults_is_that_of_the_exported_robot():
+    """The same 1.9 to 4.2 J stood in the export of a robot of 2 N m and in that of one of 44 N m."""
+    light = {"gravity_sine": 2.0, "effort_limit": 10.0, "velocity_limit": 8.0}
+    heavy = {"gravity_sine": 44.0, "effort_limit": 80.0, "velocity_limit": 8.0}
+    said = []
+    for robot in (light, heavy):
+        values = LAWS["joint"].defaults | robot | {"inertia": robot["gravity_sine"] / 40.0, "period": 1e-3}
+        made = pellucid.supervised(ControlLaw("joint", values), instruments=Instruments(probe=True), start_up=False)
+        numbers = values | made.supervision
+        stuck, wrong, dead = unheard_energies(numbers)
+        assert stuck == pytest.approx(0.5 * robot["effort_limit"] * numbers["probe_travel"])
+        assert wrong == 2.0 * dead == pytest.approx(2.0 * robot["gravity_sine"] * numbers["probe_travel"], rel=0.05)
+        said.append(warn_of_unmeasured_drive(numbers))
+    assert "about 4.6 J with the effort stuck" in said[0]
+    assert "about 30 J with the effort stuck" in said[1]
+    assert "65 J with reversed polarity or three times the effort, and 33 J without effort" in said[1]
 
 
 def test_an_export_says_that_its_model_is_in_doubt(study, unplayed):
@@ -647,7 +666,7 @@ def test_without_a_measured_drive_the_first_line_says_what_is_not_found(study, u
     path = study.folder / "study.toml"
     folder = pellucid.export(study)
     readme = (folder / "README.md").read_text(encoding="utf-8")
-    warning = warn_of_unmeasured_drive(probes=True)
+    warning = warn_of_unmeasured_drive(read_constants(folder))
     assert readme.splitlines()[2] == f"> **{warning}**"
     assert export_answer(study, "c", folder).sentence == warning
     assert "| measurement of the drive's effort | no | assumed, a typical value |" in readme

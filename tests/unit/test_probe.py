@@ -131,7 +131,7 @@ def test_not_without_an_inertia():
 @pytest.mark.parametrize("limit", [3.0, 5.0, 10.0, 40.0, 200.0])
 @pytest.mark.parametrize("speed", [0.5, 2.0, 8.0, 20.0, 60.0])
 def test_a_stuck_drive_gives_its_energy_on_the_way_that_is_left_to_it(limit, speed):
-    """Stuck at half of its effort it gives 4.6 J, unless 0.7 rad, 0.093 s or 0.16 s at the velocity limit bound its way."""
+    """Stuck at half of its effort it gives 4.6 J, unless 0.7 rad, 0.093 s or 0.16 s at its limit are its way."""
     numbers = {"limit": 10.0, "period": 1e-3, "speed_limit": speed, "drive_limit": limit}
     travel = probe_numbers(INERTIA, 1e-5, **numbers)["probe_travel"]
     half = 0.5 * limit
@@ -214,6 +214,26 @@ def moved(gain, onset, seconds, friction, answer):
         if watched.fault != "none":
             return watched, time - onset, np.array(efforts)
     return watched, math.nan, np.array(efforts)
+
+
+@pytest.mark.parametrize("amplitude", [0.7, 0.02])
+def test_a_heavy_robot_is_carried_in_healthy_use(amplitude):
+    """A leg of 44 N m lost most of its compensation as soon as it moved, and while its wearer trembled."""
+    heavy = law(inertia=1.2, gravity_sine=44.0, effort_limit=80.0, velocity_limit=10.0)
+    watched, rng = probed(heavy, encoder_resolution=1e-4).start(), np.random.default_rng(5)
+    speed, place, effort, carried = 0.0, 0.0, 0.0, []
+    for k in range(12_000):
+        time, pace = 1e-3 * k, 2.5 if amplitude > 0.1 else 55.0
+        slow = 0.9 + amplitude * math.sin(pace * time)
+        speed += 1e-3 * ((effort - 44.0 * math.sin(slow)) / 1.2 - 400.0 * place - 40.0 * speed)
+        place += 1e-3 * speed
+        reading = 5e-5 * round((slow + place + 1e-5 * rng.standard_normal()) / 5e-5)
+        effort = watched.step(time, reading)
+        carried.append(effort / (44.0 * math.sin(slow)))
+        assert watched.fault == "none"
+    shares = np.convolve(carried[2000:], np.ones(120) / 120, "valid")
+    assert np.quantile(shares, 0.01) > 0.75
+    assert np.median(shares) == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.fixture(scope="module")

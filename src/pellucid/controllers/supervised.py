@@ -95,8 +95,8 @@ known. The robot's weight, which a stuck drive leaves to the wearer, adds to it.
 MAX_UNHEARD_ENERGY_J = 4.0
 """Smallest energy that a drive with three times the gain may add before it is detected and the law's effort is 0 [J].
 
-It adds more until the power is off; the energy delivered to the wearer should stay below 5 J. A heavier robot gives more
-while it carries itself over the way that its drive may go unheard: with less it would drop its weight in healthy use."""
+It adds more until the power is off; the energy delivered to the wearer should stay below 5 J. A heavier robot gives
+more while it carries itself over the way that its drive may go unheard: with less it would drop its weight."""
 
 
 PROBE_ANSWER_ERROR = 0.1
