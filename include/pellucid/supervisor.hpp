@@ -482,13 +482,15 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
     else
       s.unexplained = {};
   }
-  const S weight = carries ? s.body.weight : S(0);
-  found = first_of(found, step(p.budget, s.budget, S(2) * c.period, effort, velocity, weight, s.body.drag));
+  const S weight = carries ? s.body.weight : S(0), waves = S(0.5) * (s.wave[0] + s.wave[1]);
+  // The wave that asks a joint at rest is not the law's push, however large a frozen encoder lets it become.
+  const S given = carries && s.still.amplitude > S(0) ? effort - waves : effort;
+  found = first_of(found, step(p.budget, s.budget, S(2) * c.period, given, velocity, weight, s.body.drag));
   if (carries) found = first_of(found, step(c.shaking, s.shaking, velocity));
   // The wave at start-up is no loop that rings, however slow a heavy machine makes it, nor is the one that asks a joint at rest.
   if ((s.steps & 2u) == 0 || now == Mode::start_up || s.still.amplitude > S(0)) return found;
   // The probe's waves are no loop either, and fall into its band where every fourth period samples them.
-  return first_of(found, step(c.ringing, s.ringing, effort - S(0.5) * (s.wave[0] + s.wave[1])));
+  return first_of(found, step(c.ringing, s.ringing, effort - waves));
 }
 
 /// The law's optional sensors, every second period: without one that is silent or beyond its range it goes on if it

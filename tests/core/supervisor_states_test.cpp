@@ -407,6 +407,11 @@ void slow_watches() {
     check(seen.at(0, 1, mode) == (carries ? F::none : F::push), "the weight that is carried");
     seen.s.drive.asked = seen.s.drive.asked_before = 5 + more;
     check(seen.at(0, 1, mode) == F::push, "beyond");
+    seen.s.wave[0] = seen.s.wave[1] = more;
+    check(seen.at(0, 1, mode) == F::push, "with the probe's waves");
+    seen.s.still.amplitude = 1;
+    check(seen.at(0, 1, mode) == (carries ? F::none : F::push), "without the wave that asks a joint at rest");
+    seen.s.still = {};
     seen.s.drive.asked = seen.s.drive.asked_before = 2;
     check(seen.at(0, 1, mode) == F::none, "within");
   }
