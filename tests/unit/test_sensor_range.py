@@ -25,13 +25,18 @@ def swing(rng, *, weight=WEIGHT, seconds=24.0):
 def limited(rng, limit):
     """Time, angle and torque of a joint whose drive follows the same motion, as far as its limit lets it."""
     t, wanted, _ = swing(rng)
+    return follow(t, wanted, limit)
+
+
+def follow(t, wanted, limit, *, gains=(40.0, 3.0), coulomb=COULOMB):
+    """Time, angle and torque of a joint whose drive follows a motion as far as its limit lets it."""
     speed, q, v, dt = np.gradient(wanted, t), wanted[0], 0.0, 1.0 / (10.0 * RATE_HZ)
     rows = []
     for to, pace in zip(wanted, speed, strict=True):
-        torque = float(np.clip(40.0 * (to - q) + 3.0 * (pace - v), -limit, limit))
+        torque = float(np.clip(gains[0] * (to - q) + gains[1] * (pace - v), -limit, limit))
         rows.append((q, torque))
         for _ in range(10):
-            v += dt * (torque - WEIGHT * np.sin(q) - VISCOUS * v - COULOMB * np.tanh(v / 0.01)) / INERTIA
+            v += dt * (torque - WEIGHT * np.sin(q) - VISCOUS * v - coulomb * np.tanh(v / 0.01)) / INERTIA
             q += dt * v
     angle, torque = np.array(rows).T
     return t, np.round(angle / 1e-4) * 1e-4, torque
@@ -100,6 +105,21 @@ def test_a_torque_that_no_sensor_cuts_has_no_end():
             1.0 * np.sin(1.7 * np.arange(len(q)) / RATE_HZ) ** 3,
         ):
             assert not sensor_ends(torque + other, [q], RATE_HZ)
+
+
+@pytest.mark.parametrize("hertz", [0.05, 0.08, 0.1, 0.2, 0.5])
+@pytest.mark.parametrize("amplitude", [0.9, 1.1])
+@pytest.mark.parametrize("noise", [0.0, 0.03])
+def test_a_flat_top_of_gravity_in_a_slow_sine_is_no_end(hertz, amplitude, noise):
+    t = np.arange(0.0, 4.0 / hertz if hertz < 0.2 else 20.0, 1.0 / RATE_HZ)
+    _, q, torque = follow(
+        t, amplitude * np.sin(2.0 * np.pi * hertz * t), 9.0, gains=(18.0, 1.2), coulomb=0.35
+    )
+    recorded = torque + noise * np.random.default_rng(1).standard_normal(len(torque))
+    assert not sensor_ends(recorded, [q], RATE_HZ)
+    if hertz < 0.5:
+        end = 0.7 * np.quantile(np.abs(recorded), 0.998)
+        assert sensor_ends(np.clip(recorded, -end, end), [q], RATE_HZ)
 
 
 def test_several_joints_explain_an_effort_together():

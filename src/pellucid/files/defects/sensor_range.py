@@ -3,7 +3,8 @@
 A drive at its limit and a sensor at the end of its range both leave a channel that does not exceed one value. At a
 drive's limit the recorded effort is the effort that acted, and the motion agrees with it. Beyond a sensor's range the
 motion needs more than was recorded. A regression on the samples far from the largest effort predicts the others: the
-sensor ended where the prediction goes on and the record does not. The end may be sharp, noisy or gradual.
+sensor ended where the prediction goes on and the record does not, unless a regression on all samples describes the
+record there better than an end does. The end may be sharp, noisy or gradual.
 """
 
 from __future__ import annotations
@@ -61,6 +62,9 @@ class RangeLimits:
     # At the end of a sensor's range at least this share of the samples is predicted beyond the end. At a drive's
     # limit the effort that acted is what was recorded, and the prediction errs to both sides.
     min_plateau_beyond_share: float = 0.75
+    # Where the prediction is beyond the end, the end differs from the record by less than this share of what a
+    # regression on all samples does (RMS).
+    max_end_error_share: float = 0.7
     # Samples are cut out where the prediction exceeds the record by this share of the margin that shows an end.
     cut_margin_share: float = 0.5
     # Cuts are widened by this time, over which the averages mix what is within the range with what is beyond [s].
@@ -241,14 +245,25 @@ def _regression(sign: float, of: _Prepared, share: float) -> tuple[np.ndarray, f
     core = of.usable & (sign * of.recorded < top - bound) & (sign * of.recorded > top - 2.0 * of.half + bound)
     if core.sum() < max(RANGE_LIMITS.min_samples // 2, RANGE_LIMITS.min_core_share * of.usable.sum()):
         return None
-    rows = np.flatnonzero(core)[:: max(1, int(core.sum()) // RANGE_LIMITS.max_fitted_rows)]
+    values, error, variance = _fit(of, core)
+    if not error**2 <= (1.0 - RANGE_LIMITS.min_explained_share) * variance:
+        return None
+    return values, error
+
+
+def _fit(of: _Prepared, fitted: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Return the factors of the columns that fit the samples in a mask best, their error (RMS) and the variance."""
+    rows = np.flatnonzero(fitted)[:: max(1, int(fitted.sum()) // RANGE_LIMITS.max_fitted_rows)]
     matrix = of.columns(rows)
     scale = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
     values = np.linalg.lstsq(matrix / scale, of.recorded[rows], rcond=1e-8)[0] / scale
     error = float(np.sqrt(np.mean((of.recorded[rows] - matrix @ values) ** 2)))
-    if not error**2 <= (1.0 - RANGE_LIMITS.min_explained_share) * float(np.var(of.recorded[rows])):
-        return None
-    return values, error
+    return values, error, float(np.var(of.recorded[rows]))
+
+
+def _predict(of: _Prepared, values: np.ndarray) -> np.ndarray:
+    """Return the effort that the motion needs in all n samples by the columns' factors, (n,)."""
+    return np.concatenate([of.columns(block) @ values for block in _blocks(len(of.recorded))])
 
 
 def _blocks(n: int) -> Iterator[np.ndarray]:
@@ -285,7 +300,7 @@ def _end(
     """Return the end of the range on the side of `sign` by the regression that was `told`; None if there is none."""
     (values, error), half, top, usable, recorded = told, of.half, of.top[sign], of.usable, of.recorded
     margin = _margin(error, half)
-    predicted = np.concatenate([of.columns(block) @ values for block in _blocks(len(recorded))])
+    predicted = _predict(of, values)
     beyond = (sign * predicted > top + margin) & usable
     least = RANGE_LIMITS.min_recorded_share
     if np.mean(sign * recorded[beyond] >= top - (1.0 - least) * half) < least:
@@ -296,6 +311,11 @@ def _end(
     spread = predicted[beyond] - predicted[beyond].mean()
     slope = float(spread @ recorded[beyond]) / max(float(spread @ spread), np.finfo(float).tiny)
     if slope > RANGE_LIMITS.max_slope:
+        return None
+    # Gravity and friction turn around at the end of a slow swing, which a regression on all samples explains as well.
+    past = usable & (sign * predicted > top)
+    of_end, of_all = recorded[past] - sign * top, (recorded - _predict(of, _fit(of, usable)[0]))[past]
+    if of_end @ of_end > RANGE_LIMITS.max_end_error_share**2 * (of_all @ of_all):
         return None
     over = usable & (sign * (predicted - recorded) > RANGE_LIMITS.cut_margin_share * margin)
     over &= sign * predicted > top - (1.0 - share) * half
