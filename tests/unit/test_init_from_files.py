@@ -271,6 +271,28 @@ def test_a_study_that_check_refuses_is_not_made(tmp_path, case):
     assert not folder.exists()
 
 
+@pytest.mark.parametrize(
+    ("header", "expected"),
+    [
+        (
+            "time [s],knee angle [rad],knee angle [rad],motor torque [Nm]",
+            r'log\.csv: "motor torque \[Nm\]" belongs to none of the 2 joints, because columns 2 and 3 have the same '
+            r'name "knee angle \[rad\]": rename or remove one of them',
+        ),
+        (
+            "time [s],knee angle [rad],hip angle [rad],motor torque [Nm]",
+            r'log\.csv: "motor torque \[Nm\]" belongs to none of the 2 joints of "knee angle \[rad\]", '
+            r'"hip angle \[rad\]", expected the joint in its name',
+        ),
+    ],
+)
+def test_an_effort_of_none_of_two_joints_is_named_with_the_columns_of_the_joints(tmp_path, header, expected):
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.column_stack([T, Q, Q + 0.1, TAU]), delimiter=",", header=header, comments="")
+    with pytest.raises(pl.PellucidError, match=expected):
+        pl.init(tmp_path / "study", files=[path])
+
+
 def test_a_folder_that_existed_stays_empty(tmp_path):
     path, folder = table(tmp_path / "log.csv", **UNFIT["no effort"][0]), tmp_path / "study"
     folder.mkdir()

@@ -77,12 +77,32 @@ def _constant_efforts(proposal: Proposal) -> str:
     )
 
 
+def _efforts_of_no_joint(proposal: Proposal) -> str:
+    """Return that the file holds efforts but none of a joint, with the joints' columns; "" where it holds none."""
+    main, joints = proposal.main, proposal.main.roles.joints
+    table = main.tables[0]
+    efforts = [f'"{r.column}"' for r in main.channels if quantity_of(r.column, r.unit).kind in EFFORT_QUANTITIES]
+    motions = [role.column for role in main.channels if role.label in joints]
+    if not efforts or not motions:
+        return ""
+    verb = "belongs" if len(efforts) == 1 else "belong"
+    found = f"{table.path.name}: {listed_names(efforts, MAX_LISTED_EFFORTS)} {verb} to none of the {len(joints)} joints"
+    # A reader adds its column's index to a name that a header repeats.
+    places = [i for i, name in enumerate(table.columns) if name in motions]
+    names = {name.removesuffix(f".{i}") for i, name in enumerate(table.columns) if name in motions}
+    if len(names) == 1 and len(places) > 1:
+        numbers = " and ".join(str(i + 1) for i in places)
+        return f'{found}, because columns {numbers} have the same name "{names.pop()}": rename or remove one of them'
+    listed = listed_names([f'"{name}"' for name in motions], MAX_LISTED_EFFORTS)
+    return f'{found} of {listed}, expected the joint in its name, as in "knee torque [Nm]": rename its column'
+
+
 def _missing_parts(proposal: Proposal) -> Iterator[str]:
     channels = [role for layout in proposal.layouts for role in layout.channels]
     quantities = {role.quantity for role in channels}
     # EMG alone makes a study of muscles.
     if proposal.drive is None and not quantities & {*EFFORT_QUANTITIES, "emg"}:
-        yield _constant_efforts(proposal) or (
+        yield _efforts_of_no_joint(proposal) or _constant_efforts(proposal) or (
             "no effort was recorded: found no column with a torque, force, current, voltage or duty cycle, "
             'expected one in addition to the motion. Record the effort too, or rename its column, as in "torque [Nm]"'
         )
