@@ -78,7 +78,7 @@ def test_a_channel_that_would_be_a_formula_is_not_written(tmp_path):
 def test_a_terminal_says_what_it_can(tmp_path, encoding):
     code = (
         "from pellucid import cli\nfrom pellucid.study import terminal\nfrom rich.console import Console\n"
-        "terminal.replace_unprintable_characters()\nConsole().print('0.05 ± 0.01 kg·m² Ж')\ncli.main()"
+        "terminal.replace_unprintable_characters()\nConsole().print('0.05 ± 0.01 kg·m² 1.3×10⁻¹² Ж')\ncli.main()"
     )
     environment = os.environ | {"PYTHONIOENCODING": encoding, "COLUMNS": "80"}
     run = subprocess.run(
@@ -89,8 +89,8 @@ def test_a_terminal_says_what_it_can(tmp_path, encoding):
     assert b"\x1b[2J" not in run.stderr
     assert b"no such file" in run.stderr
     said = run.stdout.decode(encoding).strip()
-    known = {"ascii": "0.05 +- 0.01 kg*m^2 ?", "cp1252": "0.05 ± 0.01 kg·m² ?"}
-    assert said == known.get(encoding, "0.05 ± 0.01 kg·m² Ж")
+    known = {"ascii": "0.05 +- 0.01 kg*m^2 1.3x10^-12 ?", "cp1252": "0.05 ± 0.01 kg·m² 1.3×10^-12 ?"}
+    assert said == known.get(encoding, "0.05 ± 0.01 kg·m² 1.3×10⁻¹² Ж")
 
 
 def test_what_cannot_be_seen_is_shown():

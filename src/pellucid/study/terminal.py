@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -30,11 +31,14 @@ Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON in
 """Option of commands whose result can be printed as JSON."""
 
 CHARACTER_REPLACEMENTS = {
-    "−": "-", "–": "-", "—": "-", "±": "+-", "·": "*", "×": "x", "²": "^2", "³": "^3", "µ": "u", "°": "deg", "…": "...",
+    "−": "-", "–": "-", "—": "-", "±": "+-", "·": "*", "×": "x", "µ": "u", "°": "deg", "…": "...",
     "≤": "<=", "≥": ">=", "≈": "~", "√": "sqrt", "χ": "chi", "δ": "delta", "Δ": "Delta", "Ω": "ohm", "✗": "x", "━": "-",
     "─": "-", "│": "|", "\N{RIGHT SINGLE QUOTATION MARK}": "'",
 }  # fmt: skip
 """Text that replaces each character on a terminal that cannot print it."""
+
+EXPONENT_CHARACTERS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+"""Characters of exponents, which stand after a caret on such a terminal."""
 
 
 MAX_NOTES_UNLESS_VERBOSE = 6
@@ -371,7 +375,11 @@ def replace_unprintable_characters() -> None:
     def instead(error: UnicodeError) -> tuple[str, int]:
         if not isinstance(error, UnicodeEncodeError):
             raise error
-        return "".join(CHARACTER_REPLACEMENTS.get(c, "?") for c in error.object[error.start : error.end]), error.end
+        text, end = error.object, error.end
+        while ord(text[end - 1]) in EXPONENT_CHARACTERS and end < len(text) and ord(text[end]) in EXPONENT_CHARACTERS:
+            end += 1  # a terminal that has ¹, ² and ³ has not the rest of the exponent
+        found = re.sub("[⁻⁰¹²³⁴-⁹]+", lambda m: "^" + m[0].translate(EXPONENT_CHARACTERS), text[error.start : end])
+        return "".join(c if c.isascii() else CHARACTER_REPLACEMENTS.get(c, "?") for c in found), end
 
     codecs.register_error("pellucid", instead)
     for stream in (sys.stdout, sys.stderr):
