@@ -196,7 +196,10 @@ def test_report_reads_no_recording_of_what_is_kept(bench, monkeypatch):
     recording.write_text(recording.read_text() + "\n", encoding="utf-8")
     stale = run(cli.app, ["report", str(bench.folder)])
     assert stale.exit_code != 0
-    assert f"compute them with: pellucid identify {bench.folder}" in str(stale.exception)
+    assert (
+        "found no up-to-date results (not run yet, or run by other versions of Pellucid or its libraries, with other "
+        f"settings or on other recordings); compute them with: pellucid identify {bench.folder}"
+    ) in str(stale.exception)
     assert len(bench.asked) == 1  # no longer fresh: it says what to do, and computes nothing
 
 

@@ -3,7 +3,7 @@
 import json
 import tracemalloc
 from dataclasses import dataclass
-from importlib.metadata import version
+from importlib.metadata import requires, version
 
 import numpy as np
 import pytest
@@ -199,8 +199,17 @@ def test_another_core_and_other_libraries_make_another_fingerprint(tmp_path, mon
     monkeypatch.undo()
     assert fingerprint() == before
     assert {"numpy", "scipy", "scikit-learn"} <= set(code_fingerprint.library_versions())
-    assert not {"pytest", "ruff", "pellucid"} & set(code_fingerprint.library_versions())
+    assert {"emcee", "statsmodels"} <= set(code_fingerprint.library_versions())
+    assert not {"pytest", "ruff", "pellucid", "pandas", "mcap"} & set(code_fingerprint.library_versions())
     assert code_fingerprint.library_versions()["numpy"] == version("numpy")
+
+
+def test_an_extra_that_computes_nothing_leaves_results_up_to_date(monkeypatch):
+    before = code_fingerprint.library_versions()
+    extras = ["mkdocs-material>=9.5; extra == 'site'", 'pylsl>=1.18.1 ; extra == "live"']
+    monkeypatch.setattr(code_fingerprint, "requires", lambda name: [*requires(name), *extras])
+    monkeypatch.setattr(code_fingerprint, "installed_version", lambda name: "1" if "mkdocs" in name else version(name))
+    assert code_fingerprint.library_versions() == before
 
 
 def test_a_result_is_a_table_of_parameters():

@@ -19,6 +19,10 @@ PACKAGE_NAME = __name__.partition(".")[0]
 """Name of this package, and of its distribution."""
 
 
+COMPUTING_EXTRAS = ("posterior", "statistics")
+"""Extras whose libraries a study's results depend on; the others read files, draw, simulate or test."""
+
+
 @cache
 def code_fingerprint() -> str:
     """Return the SHA-256 of all code that computes, because other code may find other results.
@@ -48,7 +52,8 @@ def library_versions() -> dict[str, str]:
     found = {}
     for requirement in requires(PACKAGE_NAME) or ():
         name = re.match(r"[\w.-]+", requirement)[0]
-        if name != PACKAGE_NAME and not re.search(r"extra == ['\"](test|benchmark)['\"]", requirement):
+        extra = re.search(r"extra == ['\"](.+?)['\"]", requirement)
+        if name != PACKAGE_NAME and (extra is None or extra[1] in COMPUTING_EXTRAS):
             with suppress(PackageNotFoundError):
                 found[name] = installed_version(name)
     return found

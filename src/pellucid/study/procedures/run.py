@@ -531,7 +531,9 @@ def report(
     return write_report(study, result, only_kept=only_kept, with_pdf=with_pdf, on_progress=on_progress).page
 
 
-LACKING_REASON = "not run yet, or run by another version, with other settings or on other recordings"
+LACKING_REASON = (
+    "not run yet, or run by other versions of Pellucid or its libraries, with other settings or on other recordings"
+)
 """Why a page lacks an analysis that study.toml asks for."""
 
 
@@ -568,7 +570,9 @@ def write_report(
     made = list(each_page(study, result, on_progress or quiet, missing if only_kept else None))
     commands = typed_commands(dict.fromkeys(missing), study.folder)
     if not made:
-        raise PellucidError(f"{study.folder}: found no up-to-date results; compute them with: {commands}")
+        raise PellucidError(
+            f"{study.folder}: found no up-to-date results ({LACKING_REASON}); compute them with: {commands}"
+        )
     page, answers = _one_page([page for _, page in made]), tuple(found.answer for found, _ in made)
     if missing:
         page = _with_step(page, Step(f"Compute what this page lacks ({LACKING_REASON})", line=commands))
