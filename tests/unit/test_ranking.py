@@ -3,16 +3,19 @@
 import json
 from dataclasses import replace
 from html import unescape
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from pellucid._errors import PellucidError
+from pellucid.cli import app
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid_lab.papers.knee.controllers import BODY_LAW_WORDS, CONTROLLER_WORDS
 from pellucid_lab.ranking.law_certificate import certificate_words, certify_controller
 from pellucid_lab.ranking.rank import rank, rank_task, rows_of
-from pellucid_lab.ranking.ranking_page import write_ranking
+from pellucid_lab.ranking.ranking_page import ranking_answer, write_ranking
 from pellucid_lab.ranking.strategies import (
     CONTROLLER_FIELDS,
     POINTING_TASK,
@@ -105,6 +108,17 @@ def test_the_page_has_every_controller_and_the_worst_of_what_is_safe(tmp_path):
     assert rows["ranking.knee_swings.body.holds"].value == 0.0
     assert rows["ranking.knee_swings.body.gain"].value == 6.5
     json.dumps([row.value for row in rows.values()])
+
+
+def test_the_command_names_a_controller_as_its_answer_and_its_options_do(monkeypatch, tmp_path):
+    tasks = [rank_task(POINTING_TASK, made_up(POINTING_TASK))]
+    made = SimpleNamespace(tasks=tasks, answer=ranking_answer(tasks, 8), laws=(), page=tmp_path / "index.html", seed=1)
+    monkeypatch.setattr("pellucid_lab.ranking.rank.rank", lambda *args, **options: made)
+    said = " ".join(CliRunner().invoke(app, ["rank"]).output.split())
+    first = tasks[0].controllers[0]
+    assert f"{first} {strategies_of_task(POINTING_TASK)[first].name}"[:30] in said
+    assert f"with {first} (" in said
+    assert any("docs/how-to/bring-your-own-controller.md" in step.text for step in made.answer.improve)
 
 
 def test_no_pairs_are_refused(tmp_path):

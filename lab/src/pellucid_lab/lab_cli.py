@@ -172,11 +172,13 @@ def rank(
     """Rank every controller, and laws of your own, on one page.
 
     The page ranks controllers of the elbow, the knee and an arm; your own laws are ranked with them.
+    docs/how-to/bring-your-own-controller.md states a law's interface.
     """
     from pellucid.people.design_columns import cluster
 
     from .ranking.foreign_law import why_stopped
     from .ranking.rank import rank as run
+    from .ranking.ranking_page import option_name
     from .ranking.strategies import controller_words
 
     with cluster(scheduler) as executor, show_progress() as tell:
@@ -188,6 +190,7 @@ def rank(
         low, middle, high = task.spread(task.torque)
         rows = [
             [
+                option_name(name),
                 controller_words(task.task, name),
                 f"{task.ranks[i]:.1f}",
                 f"{middle[i]:.3g}",
@@ -196,7 +199,7 @@ def rank(
             for i, name in enumerate(task.controllers)
         ]
         print_line(console, "")
-        heads = (task.task, "mean rank", "torque (N·m)", "80 % of pairs")
+        heads = (task.task, "strategy", "mean rank", "torque (N·m)", "80 % of pairs")
         print_short_table(console, heads, rows, 32 // len(made.tasks))
     stopped = [
         f"{controller_words(task.task, name)}, {task.task}: stopped: {', '.join(why)}"

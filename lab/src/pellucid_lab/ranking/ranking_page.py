@@ -34,6 +34,9 @@ from .tried import ControllerTrial
 MIN_TOLD_PAIRS = 12
 """With fewer pairs the page says that more separate more controllers."""
 
+LAW_GUIDE = "docs/how-to/bring-your-own-controller.md"
+"""Document that states the interface of a law of one's own."""
+
 EMPTY_CELL = "–"
 """Text of a table's cell without a value."""
 
@@ -65,9 +68,9 @@ def ranking_answer(tasks: Sequence[TaskRanking], pairs: int) -> Answer:
     for task in tasks:
         first = option_name(task.controllers[0])
         if task.controllers[0] in SIMPLE_RIVALS[task.task]:
-            parts.append(AnswerPart(task.task, "no", f"{first}, a simple reference controller, leaves least torque"))
+            parts.append(AnswerPart(task.task, "no", f"least torque with {first}, a simple reference controller"))
         elif task.test is not None and _is_told_from_rivals(task):
-            parts.append(AnswerPart(task.task, "yes", f"{first} leaves significantly less torque"))
+            parts.append(AnswerPart(task.task, "yes", f"significantly less torque with {first}"))
         else:
             parts.append(
                 AnswerPart(
@@ -77,7 +80,7 @@ def ranking_answer(tasks: Sequence[TaskRanking], pairs: int) -> Answer:
     more = Step(
         "Use more pairs to separate more controllers", line=f"pellucid rank --pairs {max(MIN_TOLD_PAIRS, 2 * pairs)}"
     )
-    own = Step("Write a control law and rank it with these; for instructions", line="pellucid rank --help")
+    own = Step(f"Write a control law, as {LAW_GUIDE} shows, and rank it", line="pellucid rank --law my_law.py")
     export = Step("Try the first controller on your own study; for instructions", line="pellucid export --help")
     is_told = all(part.verdict != "cannot say" for part in parts)
     return answer_of_parts(
@@ -112,7 +115,7 @@ def _headline(tasks: Sequence[TaskRanking], pairs: int) -> str:
     for task in tasks:
         low, middle, high = task.spread(_shares(task))
         between = f" ({low[0]:.2f} to {high[0]:.2f} in 80 % of pairs)" if task.has_interval else ""
-        parts.append(f"{task.task}: {option_name(task.controllers[0])} leaves {middle[0]:.2f}{between}")
+        parts.append(f"{task.task}: {middle[0]:.2f} with {option_name(task.controllers[0])}{between}")
     who = (
         "one simulated person in one robot, which does not generalise" if pairs == 1
         else f"{pairs} simulated people in sampled robots"
@@ -175,9 +178,9 @@ def _task_section(task: TaskRanking) -> Section:
         "Ranked by the mean rank of the torque's RMS over pairs."
         if task.test is None
         else f"Ranked by the mean rank of the torque's RMS over {len(task.torque)} pairs. Friedman's chi-squared "
-        f"({task.test.degrees_of_freedom:g}) = {task.test.statistic:.1f}, p = {task.test.p:.2g}; Nemenyi's test tells "
-        f"two apart (5 %) whose mean ranks differ by {task.critical:.1f}: {int(task.like_first.sum())} of "
-        f"{len(task.controllers)} are not told from the first."
+        f"({task.test.degrees_of_freedom:g}) = {task.test.statistic:.1f}, p = {task.test.p:.2g}. By Nemenyi's test "
+        f"(5 %), controllers differ if their mean ranks differ by {task.critical:.1f}: "
+        f"{int(task.like_first.sum()) - 1} of the other {len(task.controllers) - 1} do not differ from the first."
     )
     drawing = draw(
         ranked_torque, lines, f"ranked_{anchor}",
@@ -209,7 +212,7 @@ def _tables(task: TaskRanking) -> tuple[Table, Table]:
         more.append(Row((label, *(cell(tried) for _, cell in own)), name in rivals))
     heads = ("controller", "strategy", "senses", "mean rank", "torque (N·m)",
              *(f"over {option_name(rival)}" for rival in rivals))  # fmt: skip
-    caption = "Medians over pairs; of the torque also what 80 % of pairs are within. * told from the first."
+    caption = "Medians over pairs; in brackets the range of 80 % of pairs. * differs significantly from the first."
     further = "Energy a second, given to the person and taken. " + words_of_columns
     return (
         number_table(heads, rows, caption, words=3),
