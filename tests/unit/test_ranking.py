@@ -118,7 +118,7 @@ def test_the_command_names_a_controller_as_its_answer_and_its_options_do(monkeyp
     first = tasks[0].controllers[0]
     assert f"{first} {strategies_of_task(POINTING_TASK)[first].name}"[:30] in said
     assert f"with {first} (" in said
-    assert any("docs/how-to/bring-your-own-controller.md" in step.text for step in made.answer.improve)
+    assert any("docs/how-to/bring-your-own-controller.md" in step.text for step in made.answer.next)
 
 
 def test_no_pairs_are_refused(tmp_path):
