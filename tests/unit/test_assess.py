@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from pellucid import cli
 from pellucid._errors import IdentificationError, RecordingError, StudyError
 from pellucid.people.movement_indices import affine
-from pellucid.people.study.assessment_tables import RANK_TEST_WORDS
+from pellucid.people.study.assessment_tables import RANK_TEST_WORDS, effect_table
 from pellucid.people.study.paper import write_tables
 from pellucid.people.study.primary_change import primary_change
 from pellucid.study.procedures.registry import open_study
@@ -381,6 +381,10 @@ def test_movements_that_never_settle_are_told_and_counted_as_longer_than_seen(re
     cut = next(each.curve.cut for each in found.settling if each.condition == "PCFr")
     assert cut == pytest.approx(never.column("PCFr").mean(), abs=0.05)  # of movements, of people
     assert value(found, "assess.settling.pcfr.never") == pytest.approx(100.0 * cut)
+    # A change of a share in % stands beside changes in % of control.
+    assert primary_change(found, "unsettled", "PCFr").text.endswith(" percentage points")
+    assert primary_change(found, "duration", "PCFr").text.endswith(" %")
+    assert "Never settled (percentage points)" in [row[0] for row in effect_table(found).rows]
     assert "movements in PCFr, including excluded ones, had not settled when the next target came" in found.headline
     # One of three never settles: of a mean of people's changes a lower bound is known.
     change = value(found, "transparency.duration_median.pcfr")

@@ -104,7 +104,7 @@ class EndPoint:
         index = self.catalogued
         if self.ratio or (index is not None and index.over_control):
             return "%"
-        return "" if index is None else index.shown[1]
+        return "" if index is None else index.change_unit
 
 
 @dataclass(frozen=True, kw_only=True)

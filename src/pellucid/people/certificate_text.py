@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .equivalence import BEYOND_MARGIN, MAX_TIPPING_POINT, Equivalence
+from .indices import PERCENTAGE_POINTS
 from .share_of_people import DEFAULT_RULE, MIN_PEOPLE, NOT_SHOWN, TOO_FEW, ShareRule, ShareTest
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ def lowered(words: str) -> str:
 
 def change_figure(value: float, unit: str) -> str:
     """Return a change, or an end of its interval, with the digits that every part of a report gives it."""
-    if unit != "%":
+    if unit not in ("%", PERCENTAGE_POINTS):
         return f"{value:+.3g}"
     return f"{value:+.0f}" if abs(value) >= 100.0 else f"{round(value, 1) + 0.0:+.1f}"  # 0 has no minus sign
 

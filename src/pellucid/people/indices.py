@@ -40,6 +40,10 @@ class PercentOf(Enum):
     NOTHING_AT_ALL = "nothing, because the scale has no zero; changes are in the unit of the index"
 
 
+PERCENTAGE_POINTS = "percentage points"
+"""Unit of a change of a share that is shown in %."""
+
+
 class CutOff(Enum):
     """Contribution to an index of a movement that had not ended when the next target came."""
 
@@ -116,6 +120,11 @@ class Index:
             return 100.0, "%"
         along = COORDINATES_BY_UNIT.get(self.unit)
         return (1.0, self.unit) if along is None else (along.factor, along.shown)
+
+    @property
+    def change_unit(self) -> str:
+        """Unit of a change in tables and figures that is not relative to control."""
+        return PERCENTAGE_POINTS if self.percent_of is PercentOf.ALL_MOVEMENTS else self.shown[1]
 
 
 MOVEMENT_DURATION = Index(

@@ -20,7 +20,7 @@ from ...units import Coordinate
 from ..analysis import Analysis
 from ..comparison import compare_conditions
 from ..design_columns import DIRECTION_UP, MeasuredMovement
-from ..indices import INDICES, SHOWN_INDICES, CutOff, index_names, indices_along, leading_index
+from ..indices import INDICES, PERCENTAGE_POINTS, SHOWN_INDICES, CutOff, index_names, indices_along, leading_index
 from ..movement_indices import index_table, isochrony
 from ..movements import MovementRule
 from ..power import (
@@ -385,7 +385,7 @@ def _sensitive(
     p = float("nan") if each.comparison.p_value is None else each.comparison.p_value
     sessions = order.sessions(each.table.participants, conditions, control, condition)
     found = change_of_table(each.table, condition, control, spec.analysis.estimand, sessions=sessions)
-    change = float("nan") if found is None else found.value / (100.0 if found.unit == "%" else 1.0)
+    change = float("nan") if found is None else found.value / (100.0 if found.unit in ("%", PERCENTAGE_POINTS) else 1.0)
     # A median that was not reached in the condition leaves a lower bound, in control none.
     above, below = unreached if each.table.index.cut_off is CutOff.AT_LEAST_SEEN else (False, False)
     return Sensitivity(words, each.name, condition, base, float("nan") if below else change, p, above and not below)

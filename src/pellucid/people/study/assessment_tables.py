@@ -12,7 +12,7 @@ from ...study.procedures.result import FigureTable
 from ...study.results import ResultRow, combined_checksum
 from ..certificate_text import change_figure
 from ..equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN
-from ..indices import index_names
+from ..indices import PERCENTAGE_POINTS, index_names
 from ..power import CANDIDATE_SIZES
 from .certified_rows import beside_table, certificate_rows, certificate_table, curve_table, doubt_table
 from .primary_change import ESTIMAND_WORDS, PrimaryChange, primary_change
@@ -240,10 +240,11 @@ def _row_decimals(each: Assessed) -> int:
     return min(max(2 - int(f"{largest:.2e}".split("e")[1]), 0), 3) if largest > 0.0 else 3
 
 
-def words(each: Assessed, *, short: bool = False) -> str:
-    """An index with its unit, as tables call it."""
+def words(each: Assessed, unit: str | None = None, *, short: bool = False) -> str:
+    """An index with a unit, which is its own unless it is given, as tables call it."""
     index = each.table.index
-    unit = PRINTED_UNITS.get(index.shown[1], index.shown[1])
+    unit = index.shown[1] if unit is None else unit
+    unit = PRINTED_UNITS.get(unit, unit)
     return (index.short if short else index.words) + (f" ({unit})" if unit else "")
 
 
@@ -329,8 +330,8 @@ def description_table(found: AssessmentResult, each: Assessed) -> FigureTable:
         rows.append((condition, *row))
     heads = ("", "Mean", "Standard deviation", "Smallest", "Median", "Largest")
     if against:
-        percent = any(change is not None and change.unit == "%" for change in changes.values())
-        heads += ("Change %" if percent else "Change", f"{100 * found.confidence:g} % interval", "p")
+        unit = next((c.unit for c in changes.values() if c is not None and c.unit in ("%", PERCENTAGE_POINTS)), "")
+        heads += (f"Change {unit}".rstrip(), f"{100 * found.confidence:g} % interval", "p")
     return FigureTable(words(each), heads, tuple(rows))
 
 
@@ -348,7 +349,7 @@ def effect_table(found: AssessmentResult) -> FigureTable:
                 p_text(a.p_value),
                 p_text(a.holm),
             )
-            rows.append((words(each, short=True), a.condition, *effect_cells))
+            rows.append((words(each, each.table.index.change_unit, short=True), a.condition, *effect_cells))
     level = f"{100 * found.confidence:g} % interval"
     heads = ("Index", "", "Change", level, "Cohen's d of pairs", "Rank-biserial", "Cliff's δ", "p", "p (Holm)")
     return FigureTable(f"Sensitivity: differences of means from {found.control}", heads, tuple(rows))
