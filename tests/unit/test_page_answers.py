@@ -14,8 +14,8 @@ from pellucid.arm.study.joint_answers import answer_joints
 from pellucid.joint.fit.headline_choice import HeadlineChoice
 from pellucid.joint.study import joint_answer as module
 from pellucid.joint.study.joint_answer import crossed_error_of, error_interval_of
-from pellucid.joint.study.joint_figures import friction, residuals
-from pellucid.joint.study.joint_page import answer_figure
+from pellucid.joint.study.joint_figures import friction, heldout, residuals
+from pellucid.joint.study.joint_page import _simulated, answer_figure
 from pellucid.joint.study.joint_page import page as joint_page
 from pellucid.joint.study.joint_result import complete_result, rows_of
 from pellucid.models.estimates import Verdict
@@ -180,6 +180,18 @@ def test_one_number_has_one_value_on_the_page_of_a_joint_and_in_its_results(join
     assert len({(name, shown) for _, name, shown in found}) == len({name for _, name, _ in found})
     for number, name, _ in found:
         assert float(number) == stored[name]
+
+
+def test_an_effort_that_drives_the_simulation_has_no_error(joint):
+    """A column of zeros stood where every simulation is in open loop."""
+    family = joint.fit.simulated
+    open_only = {
+        method: [s for s in made if s.mode == "openloop"] for method, made in family.simulations.items()
+    }
+    assert "Force (%)" in _simulated(joint.fit, family).heads
+    table = _simulated(joint.fit, replace(family, simulations=open_only))
+    assert table.rows
+    assert "Force (%)" not in table.heads
 
 
 def test_tile_sentence_and_table_tell_the_chosen_estimators_error(joint):
@@ -454,3 +466,16 @@ def test_the_steps_of_all_answers_stand_together_each_once():
 def test_a_step_names_the_folder_that_was_given():
     step = Step(f"Raise `count` in `{FOLDER}/lab/rig.toml`", folder="my study")
     assert step.sentence == "Raise `count` in `'my study'/lab/rig.toml`."
+
+
+def test_numbers_of_errors_near_zero_stand_beside_the_names_of_the_families():
+    fitted = {"symmetric": 0.247, "directional": 0.3, "combined": 2.8}
+    families = {
+        name: SimpleNamespace(family=name, fitted_effort_error=error, heldout_effort_error=1.1 * error + 0.5)
+        for name, error in fitted.items()
+    }
+    figure = heldout(SimpleNamespace(families=families, best="symmetric")).figure
+    figure.canvas.draw()
+    (axis,) = figure.axes
+    assert min(text.get_window_extent().x0 for text in axis.texts) > axis.get_window_extent().x0
+    assert min(axis.get_xticks()) >= 0.0

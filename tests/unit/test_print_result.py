@@ -98,6 +98,18 @@ def test_a_long_result_is_one_screen_and_says_what_is_left_out():
     assert said in " ".join(text.split())
 
 
+def test_a_warning_that_is_cut_keeps_what_to_do():
+    remedy = 'Write torque = { delay = "3.0 ms" } in [channels] to move it.'
+    rows = tuple((f"m{i}", 0.1) for i in range(300))
+    text = brief(
+        FigureTable("When", ("Muscle", "Onset (s)"), rows),
+        verdicts=(Verdict("warning", "The torque seems to be late. " + "The reasons are many. " * 9, remedy),),
+    )
+    assert remedy in " ".join(text.replace("\n", " ").split())
+    assert "The torque seems to be late." in text
+    assert "many. The reasons are many. The reasons are many. The reasons are many." not in " ".join(text.split())
+
+
 @pytest.mark.parametrize("width", [80, 100])
 @pytest.mark.parametrize("count", [1, 12])
 def test_a_result_of_any_length_is_one_screen_and_its_first_table_is_whole_before_the_second(width, count):

@@ -13,6 +13,7 @@ from pellucid.joint.study.joint_figures import busiest, join_stretches, running_
 from pellucid.models.estimates import Parameter
 from pellucid.models.friction import friction_curve
 from pellucid.models.joint import joint_model
+from pellucid.study.answer import Answer, Step
 from pellucid.study.drawing.drawing import broken, draw, outline
 from pellucid.study.drawing.style import COLOURS, css_variables
 from pellucid.study.pages.quantities import (
@@ -24,6 +25,7 @@ from pellucid.study.pages.quantities import (
     typeset_sentence,
     unit_text,
 )
+from pellucid.study.procedures.run import WrittenReport
 from pellucid.study.procedures.run import report as write_report
 
 VOID = {"meta", "link", "br", "img", "input", "hr", "use", "path"}
@@ -276,3 +278,9 @@ def test_prose():
         typeset_sentence("Estimator 'wls' disagrees on viscous_positive")
         == "Estimator weighted least squares disagrees on viscous +"
     )
+
+
+def test_the_command_says_why_its_next_command_is_recommended(tmp_path):
+    step = Step("Raise `people`", "check", folder="bench")
+    made = WrittenReport(tmp_path / "index.html", (Answer("Is it?", "no", "It is not", next=(step,)),))
+    assert made.lines[-2:] == ("Raise people.", "Next: pellucid check bench")

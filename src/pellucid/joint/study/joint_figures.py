@@ -580,7 +580,8 @@ def heldout(fit: JointResult) -> Drawing:
     axis.spines["left"].set_visible(False)
     low, high = axis.get_xlim()
     pad = 0.12 * (high - low)
-    axis.set_xlim(max(0.0, low - pad), high + pad)
+    axis.set_xlim(low - pad, high + pad)  # room for the numbers, also below 0
+    axis.set_xticks([tick for tick in axis.get_xticks() if 0.0 <= tick <= high + pad])
     axis.set_xlabel("Effort error (%)")
     return Drawing(
         "heldout",

@@ -340,16 +340,21 @@ def _simulated(fit: JointResult, family: FamilyFit) -> Table:
     reading = MOTION_READINGS[fit.motion]
     runs = [(method, s) for method, made in family.simulations.items() for s in whole_recordings(made)]
     places = list(dict.fromkeys((s.mode, s.recording) for _, s in runs))
+    # In open loop the recorded effort drives the simulation, so that it has no error.
+    has_effort = any(mode != "openloop" for mode, _ in places)
+    compared = ("position", "velocity", "acceleration", *(("effort",) if has_effort else ()))
     rows = []
     for mode, recording in sorted(places, key=lambda place: list(MODES).index(place[0])):
         for method, s in ((m, s) for m, s in runs if (s.mode, s.recording) == (mode, recording)):
             split = figures.SPLIT_LABELS.get(s.split, s.split)
-            errors = (percent(s.errors.get(k, np.nan)) for k in ("position", "velocity", "acceleration", "effort"))
+            known = {k: e for k, e in s.errors.items() if mode != "openloop" or k != "effort"}
+            errors = (percent(known.get(k, np.nan)) for k in compared)
             rmse = number(reading.scale * s.rmse, digits=3)
             rows.append((recording, split, MODES.get(mode, mode), METHODS.get(method, method), *errors, rmse))
     heads = (
         "Recording", "Use", "Simulation", "Parameters by", "Position (%)", "Velocity (%)", "Acceleration (%)",
-        f"{EFFORT_NAMES.get(fit.effort_unit, 'Effort')} (%)", f"Position RMSE ({reading.position})",
+        *((f"{EFFORT_NAMES.get(fit.effort_unit, 'Effort')} (%)",) if has_effort else ()),
+        f"Position RMSE ({reading.position})",
     )  # fmt: skip
     return number_table(
         heads,

@@ -52,7 +52,7 @@ def page(study: Study, findings: AssessmentResult) -> Page:
         sections.append(_needed(findings))
     sections.append(_method(study, findings))
     return Page(
-        title=f"{findings.study}: transparency",
+        title=f"{findings.study}: assessment",
         kicker="Pellucid report",
         tiles=_tiles(findings),
         sections=without_drawing(sections, "certificate"),
@@ -96,8 +96,7 @@ def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
         if known:
             shown = {c: x.value for c, x in known.items()}
             texts = {c: str(change_value(findings, index.name, c, x)) for c, x in known.items()}
-            against = "over control" if each.table.index.over_control else f"against {findings.control}"
-            unit = f"{unit_text(next(iter(known.values())).unit)} {against}".strip()
+            unit = f"{unit_text(next(iter(known.values())).unit)} against {findings.control}".strip()
         else:
             shown = {c: float(each.table.column(c).mean()) for c in others}
             rows = {c: f"{findings.study}.transparency.{index.name}.{c.lower()}" for c in shown}

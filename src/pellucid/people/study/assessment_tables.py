@@ -264,7 +264,7 @@ def test_table(found: AssessmentResult) -> FigureTable:
             kendall = each.comparison.kendall
             test_cells = test.degrees_of_freedom, p_text(test.p_value), p_text(test.exact_p_value), kendall
             rows.append((each.table.index.short, test.statistic, *test_cells))
-    heads = ("Index", "χ²", "Degrees of freedom", "p", "p counted", "Kendall's W")
+    heads = ("Index", "χ²", "Degrees of freedom", "p", "Exact p", "Kendall's W")
     return FigureTable("Do conditions differ at all (Friedman)", heads, tuple(rows))
 
 

@@ -239,13 +239,20 @@ def _first_rows(table: ParameterTable | FigureTable, count: int) -> ParameterTab
     )
 
 
+def _shorten_before_remedy(kind: str, text: str, length: int) -> str:
+    """Return a text of at most `length` characters, where a warning keeps its last sentence, which says what to do."""
+    said, _, remedy = text.rpartition(". ")
+    kept = f" {remedy}" if kind in ("wrong", "warning") and len(remedy) < 0.7 * length < len(text) and said else ""
+    return shorten(said if kept else text, length - len(kept), placeholder=" …") + kept
+
+
 def _shorten_sentences(items: Sequence[tuple[str, str]], most: int) -> tuple[list[tuple[str, str]], list[str]]:
     """Return the worst sentences, at most `most`, each cut to about a line and a half, and a sentence about the number
     omitted.
     """
     worst_first = sorted(items, key=lambda item: VERDICT_ORDER.index(item[0]) if item[0] in VERDICT_ORDER else 1)
     kept = worst_first[:most]
-    shown = [(kind, shorten(text, SCREEN_LAYOUT.max_brief_sentence_length, placeholder=" …")) for kind, text in kept]
+    shown = [(kind, _shorten_before_remedy(kind, text, SCREEN_LAYOUT.max_brief_sentence_length)) for kind, text in kept]
     omitted = len(items) - len(kept)
     left_out = [f"{omitted} further remark{'' if omitted == 1 else 's'}"] if omitted else []
     if any(short != text for (_, short), (_, text) in zip(shown, kept, strict=True)):

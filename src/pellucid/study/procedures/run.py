@@ -22,7 +22,7 @@ from ...files.duplicates import find_duplicates
 from ...files.fault import Fault, grouped_messages
 from ...models.estimates import VERDICT_KINDS, Parameter, Verdict, rank_verdicts
 from ...numerics.arguments import with_checked_arguments, with_one_rate
-from ..answer import REPORT_COMMAND, Answer, Step, answer_lines, next_lines, unanswered_message
+from ..answer import REPORT_COMMAND, Answer, Step, answer_lines, begun, next_lines, unanswered_message
 from ..pages.quantities import unit_text, value_and_half_interval
 from ..results import read_rows
 from ..study import Study
@@ -550,9 +550,10 @@ class WrittenReport:
         """The answers, the place of the page and what to do next, in lines of text."""
         steps = [step for answer in self.answers for step in answer.next if step.name != REPORT_COMMAND]
         following = [f"Next: {self.lacking}"] if self.lacking else next_lines(steps)
+        reasons = [begun(step.words.replace("`", "")) for step in steps if step.command and not self.lacking][:1]
         said = [line for answer in self.answers for line in answer_lines(answer)]
         lacks = [f"The page lacks analyses ({LACKING_REASON}): {self.lacking}"] if self.lacking else []
-        return (*said, *lacks, f"Report: {self.page}", *following)
+        return (*said, *lacks, f"Report: {self.page}", *following[:-1], *reasons, *following[-1:])
 
 
 def write_report(
