@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from research.evidence._commissioned import draw_robot, play_start
+from research.evidence._commissioned import DrawnRobot, draw_robot, play_start
 
 import pellucid
 from pellucid._errors import PellucidError
@@ -52,6 +52,33 @@ def test_before_a_soft_transmission_the_sign_alone_is_told():
     assert found.sign == np.sign(robot.gain)
     assert math.isnan(found.gain)
     assert math.isnan(found.delay)  # it was told, and wrong by up to 24 ms
+
+
+def play_logged_start(monkeypatch, bits, gain, start, rest=None):
+    """Play the start of a knee that an exported controller logs, whose wave is half as long."""
+    monkeypatch.setattr("research.evidence._commissioned.DRIVE_WAVE_FACTOR", 1)
+    quantum = 2.0 * math.pi / 2**bits
+    knee = DrawnRobot(0.06, 0.0, 0.0, 2.2, 0.3, 1.1, 0.15, gain, 1e-3, 1e-3, quantum, 2e-5, 0.06, 2.15)
+    return play_start(knee, 0, start if rest is None else rest, 6)
+
+
+@pytest.mark.parametrize("bits", [13, 14, 16])
+@pytest.mark.parametrize("gain", [1.0, 1.4, 0.6])
+def test_a_coarse_encoder_shows_the_gain(monkeypatch, bits, gain):
+    """Rounding left more than the share that a soft transmission leaves, so that no gain was told."""
+    found = drive_check([play_logged_start(monkeypatch, bits, gain, k) for k in range(10)], 0.06)
+    assert found.gain == pytest.approx(gain, abs=max(0.05 * gain, 2.0 * found.gain_spread))
+    assert found.gain_spread < 0.1 * max(gain, 1.0)
+    assert found.is_right == (gain == 1.0)
+
+
+def test_an_encoder_that_is_too_coarse_is_named(monkeypatch):
+    """Starts from one position repeat one rounding: their spread is small, and their mean is wrong."""
+    found = drive_check([play_logged_start(monkeypatch, 13, 1.0, k, rest=0) for k in range(10)], 0.06)
+    assert found.is_open
+    said = "\n".join(Commissioning("logs", found, Answers(None, np.nan, None, 0, 10), ()).lines())
+    assert re.search(r"gain: not identifiable: the wave moves the joint by only \d+ steps of the encoder", said)
+    assert "compliant" not in said
 
 
 def test_starts_that_the_supervisor_stopped_are_refused():

@@ -45,7 +45,17 @@ MIN_SLIDING_SHARE = 0.1
 """A joint slides from this share of its largest speed in the start on [1]."""
 
 MAX_UNEXPLAINED_SHARE = 0.02
-"""Largest share of the squared balance that may be left: more where a rotor swings before a soft transmission [1]."""
+"""Largest share of the squared balance that may be left: more where a rotor swings before a soft transmission [1].
+
+What the encoder's steps and noise leave is allowed in addition.
+"""
+
+ROUNDING_RATIO = 1.5
+"""Variance that rounding by an encoder has in the band of a window, at most, over that of white rounding [1].
+
+A slow joint goes through the steps regularly. It was 1.43 at most in 368 logs of simulated rigid robots with 13 to 16
+bits.
+"""
 
 MAX_GAIN_ERROR = 0.15
 """Largest relative difference of the measured gain from the stated one of a drive that is right [1]."""
@@ -82,10 +92,11 @@ class DriveCheck:
     """Sign, gain and delay of a drive, from starts of a robot that nobody wears."""
 
     sign: int  # 1 where an effort moves the joint as stated, -1 where it is reversed
-    gain: float  # effort given over effort asked for, its size; NaN where the motion is no rigid body's [1]
-    gain_spread: float  # standard deviation over starts [1]
+    gain: float  # effort given over effort asked for, its size; NaN where the motion does not show it [1]
+    gain_spread: float  # standard deviation over starts, or of the mean where that is larger [1]
     delay: float  # from the command to the effort [s]; NaN where the gain is
     starts: int
+    coarse_steps: float = math.nan  # steps of the encoder in the wave, where they are too few to show the gain [1]
 
     @property
     def is_right(self) -> bool:
@@ -143,23 +154,70 @@ def drive_check(starts: Sequence[StartLog], inertia: float) -> DriveCheck:
             "the others were stopped, or their log lacks periods. The supervisor's fault says why; check the drive and "
             "its measurement"
         )
-    moved = whole
+    windows = [one for one in map(_windows, whole) if one.first.size]
+    if not windows:
+        return DriveCheck(sign, math.nan, math.nan, math.nan, len(whole))
+    step, noise = _encoder(whole)
+    weights = _row_weights(windows, inertia, noise)
+
+    def rows_at(delay: float) -> list[np.ndarray]:
+        return [weight @ _rows(w, inertia, delay) for weight, w in zip(weights, windows, strict=True)]
+
     delays = np.arange(0.0, LONGEST_DELAY_S, DELAY_STEP_S)
-    windows = [_windows(start) for start in moved]
-    costs = [_solved([_rows(w, inertia, delay) for w in windows])[1] for delay in delays]
+    costs = [_solved(rows_at(delay))[1] for delay in delays]
     best = int(np.argmin(costs))
     delay = float(delays[best])
     if 0 < best < len(delays) - 1:
         before, at, after = costs[best - 1 : best + 2]
         bend = before - 2.0 * at + after
         delay += DELAY_STEP_S * (0.5 * (before - after) / bend if bend > 0.0 else 0.0)
-    found = _solved([_rows(w, inertia, delay) for w in windows])[0]
-    each = [_solved([_rows(w, inertia, delay)])[0][0] for w in windows]
-    sides = np.concatenate([_rows(w, inertia, delay)[:, 0] for w in windows])
-    left = _solved([_rows(w, inertia, delay) for w in windows])[1] / float(np.sum(sides**2))
-    told = left <= MAX_UNEXPLAINED_SHARE and sign * found[0] > 0.0
-    gain, delay = (abs(float(found[0])), delay) if told else (math.nan, math.nan)
-    return DriveCheck(sign, gain, float(np.std(each, ddof=1)), delay, len(moved))
+    rows = rows_at(delay)
+    found, left = _solved(rows)
+    gain, mean_left = sign * float(found[0]), left / sum(map(len, rows))
+    each = [_solved([one])[0][0] for one in rows]
+    # The delay is found from the same positions, and starts from one position repeat the encoder's rounding.
+    repeats = len(windows) / len({float(w.start.position[0]) for w in windows})
+    right = _design(rows)
+    later = np.concatenate(rows_at(delay + DELAY_STEP_S))[:, 1] - right[:, 0]
+    error = math.sqrt(min(mean_left, 1.0) * repeats) * _first_deviation(np.column_stack((right, later)))
+    spread = max(error, float(np.std(each, ddof=1)))
+    # Three standard deviations decide whether the gain is right.
+    if 3.0 * error > max(MAX_GAIN_ERROR * abs(gain), min(abs(gain - 1.0) - MAX_GAIN_ERROR, abs(gain))):
+        steps = float(np.median([np.ptp(start.position) for start in whole])) / step
+        return DriveCheck(sign, math.nan, spread, math.nan, len(whole), steps)
+    if mean_left > 1.0 or gain < 0.0:
+        gain = delay = math.nan
+    return DriveCheck(sign, gain, spread, delay, len(whole))
+
+
+def _encoder(starts: Sequence[StartLog]) -> tuple[float, float]:
+    """Return the smallest step of an encoder, and the standard deviation of its rounding and its noise at rest."""
+    steps = np.abs(np.concatenate([np.diff(start.position) for start in starts]))
+    rest = np.concatenate([np.diff(start.position[: np.flatnonzero(start.effort)[0]]) for start in starts])
+    step = float(steps[steps > 0.0].min())
+    return step, math.sqrt(ROUNDING_RATIO * step**2 / 12.0 + float(np.sum(rest**2)) / max(2 * rest.size, 1))
+
+
+def _row_weights(windows: Sequence[_Windows], inertia: float, noise: float) -> list[np.ndarray]:
+    """Return matrices that make the largest errors of the rows of each start independent, with a variance of 1.
+
+    They are those of the model and those of the `noise` of positions, which windows share where they overlap.
+    """
+    effects = []
+    for w in windows:
+        effect = np.zeros((len(w.first), len(w.start.position)))
+        np.put_along_axis(effect, w.first[:, None] + np.arange(len(w.bend)), w.bend * inertia * w.period, axis=1)
+        effects.append(effect)
+    sides = np.concatenate([_rows(w, inertia, 0.0)[:, 0] for w in windows])
+    model = MAX_UNEXPLAINED_SHARE * float(np.mean(sides**2))
+    return [np.linalg.inv(np.linalg.cholesky(noise**2 * one @ one.T + model * np.eye(len(one)))) for one in effects]
+
+
+def _first_deviation(right: np.ndarray) -> float:
+    """Return the standard deviation of the first of the solutions of least squares for errors with a variance of 1."""
+    scale = np.linalg.norm(right, axis=0)
+    scale[scale == 0.0] = 1.0
+    return float(np.linalg.norm(np.linalg.pinv(right / scale, rcond=1e-9)[0]) / scale[0])
 
 
 def _is_whole(start: StartLog) -> bool:
@@ -233,8 +291,6 @@ def _windows(start: StartLog) -> _Windows:
 def _rows(windows: _Windows, inertia: float, delay: float) -> np.ndarray:
     """Return the balance of every window as rows: left side, effort, friction, viscous friction, gravity, (w, 5)."""
     start, size = windows.start, len(windows.shape)
-    if windows.first.size == 0:
-        return np.zeros((0, 5))
     index = windows.first[:, None] + np.arange(size)
     position = start.position[index] - start.position[windows.first][:, None]
     times = start.time[index] - delay
@@ -255,19 +311,19 @@ def _rows(windows: _Windows, inertia: float, delay: float) -> np.ndarray:
 
 def _solved(rows: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
     """Return gain, friction and gravity of each start by least squares, and the sum of squares that is left."""
-    starts = [one for one in rows if len(one)]
-    if not starts:
-        return np.zeros(3), math.inf
-    # Friction is everywhere the same, gravity that of each start.
-    apart = [
-        np.column_stack((one[:, 1:4], *(one[:, 4] * (i == k) for k in range(len(starts)))))
-        for i, one in enumerate(starts)
-    ]
-    left, right = np.concatenate([one[:, 0] for one in starts]), np.concatenate(apart)
+    left, right = np.concatenate([one[:, 0] for one in rows]), _design(rows)
     scale = np.linalg.norm(right, axis=0)
     scale[scale == 0.0] = 1.0
     found = np.linalg.lstsq(right / scale, left, rcond=1e-9)[0] / scale
     return found, float(np.sum((left - right @ found) ** 2))
+
+
+def _design(rows: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the right sides of the balance: friction is everywhere the same, gravity that of each start."""
+    return np.concatenate([
+        np.column_stack((one[:, 1:4], *(one[:, 4] * (i == k) for k in range(len(rows)))))
+        for i, one in enumerate(rows)
+    ])  # fmt: skip
 
 
 def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:

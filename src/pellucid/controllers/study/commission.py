@@ -126,7 +126,12 @@ class Commissioning:
     def lines(self) -> tuple[str, ...]:
         """Return the lines of the printed summary."""
         drive, found = self.drive, self.answers
-        gain = delay = "not identifiable: the transmission is compliant, or gain or identified inertia is wrong"
+        gain, delay = "not identifiable: the transmission is compliant, or gain or identified inertia is wrong", ""
+        if np.isfinite(drive.coarse_steps):
+            gain = (
+                f"not identifiable: the wave moves the joint by only {drive.coarse_steps:.0f} steps of the encoder. Start "
+                "from more positions that differ, or commission with --udp, whose wave is longer"
+            )
         if np.isfinite(drive.gain):
             gain = f"{drive.gain:.3f} times the stated gain (standard deviation {drive.gain_spread:.3f})"
             delay = f"{1e3 * drive.delay:.1f} ms from command to effort"
@@ -134,7 +139,7 @@ class Commissioning:
             f"{self.source}: {drive.starts} starts",
             f"sign: {'right' if drive.sign > 0 else 'reversed: exchange the leads, or the sign in [rig.drive]'}",
             f"gain: {gain}",
-            f"delay: {delay}",
+            f"delay: {delay or 'not identifiable'}",
         ]
         if found.start_up is not None:
             made.append(f"start_up_answer: {found.start_up:.4g} J (standard deviation {found.start_up_spread:.2g} J)")
