@@ -743,6 +743,8 @@ def commission(
     for line in done.lines():
         print_line(console, line)
     print_line(console, f"Next: {done.answer.next_command or done.answer.next[0].text}")
+    if done.problem:
+        exit_with_message(done.problem, 1)
     if done.answer.verdict == "no":
         raise typer.Exit(1)
 

@@ -1,5 +1,6 @@
 """Commissioning: sign, gain and delay of a drive from starts, and what is written into study.toml."""
 
+import errno
 import math
 import re
 import threading
@@ -9,12 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from research.evidence._commissioned import DrawnRobot, draw_robot, play_start
+from typer.testing import CliRunner
 
 import pellucid
 from pellucid._errors import PellucidError
+from pellucid.cli import app
 from pellucid.controllers.commissioning import Answers, DriveCheck, StartLog, answers, drive_check, record_starts
 from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.study import commission as commission_module
 from pellucid.controllers.study.commission import Commissioning, read_starts, state_answers, with_keys
 from pellucid.controllers.supervised import supervised
 from pellucid.live.udp import UdpBoard
@@ -147,6 +151,17 @@ def test_a_virtual_robot_is_commissioned():
     assert np.abs(again[0].effort[-500:]).max() > 0.1
 
 
+def test_one_worn_start_leaves_the_start_up_answer_to_the_empty_robot():
+    """It has too few waves for a spread, and the starts that nobody wears were not used."""
+    safe = law()
+    empty = record_starts(VirtualRobot(JOINT, worn=False, period=1e-3), safe, 3, worn=False)
+    worn = record_starts(VirtualRobot(JOINT, worn=True, period=1e-3), safe, 1, worn=True)
+    told = answers(safe, worn, empty)
+    assert told.start_up == answers(safe, empty).start_up > 0.0
+    assert (told.starts, told.notes) == (3, ())
+    assert told.probe == answers(safe, worn).probe
+
+
 @pytest.mark.parametrize("index", range(3))
 def test_the_gain_before_a_soft_transmission_is_told(index):
     """With a wave as short as that of the start-up test it was wrong by 13 %, or not told."""
@@ -180,6 +195,9 @@ def test_logs_are_cut_into_starts(tmp_path):
         read_starts([path], 1e-3)
     path.write_text("time,position,effort\n" + table)
     with pytest.raises(PellucidError, match=r"starts.csv: found rows 1 s apart .*, expected the controller's"):
+        read_starts([path], 1e-3)
+    path.write_text("time [s],position,effort\n" + "".join(f"{2.0 * t},{x},{u}\n" for t, x, u in rows))
+    with pytest.raises(PellucidError, match=r"found rows 0.002 s apart .* period of 0.001 s: log one row each period"):
         read_starts([path], 1e-3)
     path.write_text("time,position\n0,0\n0.001,0\n")
     with pytest.raises(PellucidError, match=r"starts.csv: found columns time, position, expected .*: no effort"):
@@ -230,7 +248,11 @@ class ReversedRobot:
         self.robot.write(-effort, enable=enable)
 
 
-def test_a_spring_is_refused_and_a_virtual_study_is_commissioned(tmp_path):
+def refuse(*given):
+    raise PermissionError(errno.EACCES, "Permission denied", "study.toml")
+
+
+def test_a_spring_is_refused_and_a_virtual_study_is_commissioned(tmp_path, monkeypatch):
     pellucid.init(tmp_path / "bench", rig="bench-joint")
     pellucid.simulate(tmp_path / "bench")
     study = pellucid.open(tmp_path / "bench")
@@ -241,6 +263,16 @@ def test_a_spring_is_refused_and_a_virtual_study_is_commissioned(tmp_path):
     assert re.search(r"^sign: right$", "\n".join(done.lines()), re.M)
     assert (done.answer.badge, done.answer.sentence) == ("Yes", "sign and gain are right")
     assert done.answer.next_command == f"pellucid export {tmp_path / 'bench'}"
+    with monkeypatch.context() as patched:
+        patched.setattr(commission_module, "write_text_atomically", refuse)
+        # The measured numbers were lost.
+        unwritten = pellucid.commission(pellucid.open(tmp_path / "bench"))
+        assert (unwritten.drive, unwritten.written) == (done.drive, ())
+        assert unwritten.problem == f"{tmp_path / 'bench' / 'study.toml'} could not be written: Permission denied"
+        printed = CliRunner().invoke(app, ["commission", str(tmp_path / "bench")])
+        assert printed.exit_code == 1
+        assert "gain: 1.0" in printed.output
+        assert "study.toml could not be written" in printed.output.replace("\n", "")
     with pytest.raises(PellucidError, match=r"found a slider of 0.2 m, expected none for the virtual robot"):
         pellucid.commission(study, slider=0.2)
     pellucid.export(pellucid.open(tmp_path / "bench"))
@@ -259,6 +291,11 @@ def test_a_spring_is_refused_and_a_virtual_study_is_commissioned(tmp_path):
         (DriveCheck(1, 1.4, 0.01, 1e-3, 10), "No", "its gain is 1.400 times the stated one"),
         (DriveCheck(1, 56.268, 0.5, 1e-3, 10), "No",
          "its gain is 56.268 times the stated one, as if positions were degrees instead of radians"),
+        (DriveCheck(1, 1015.0, 5.0, 1e-3, 10), "No",
+         "its gain is 1015.000 times the stated one, as if the unit of effort or position were wrong by a factor of "
+         "1000"),
+        (DriveCheck(1, 0.0177, 1e-4, 1e-3, 10), "No",
+         "its gain is 0.018 times the stated one, as if positions were radians instead of degrees"),
         (DriveCheck(1, np.nan, np.nan, 1e-3, 10), "Cannot say", "the sign is right; the motion does not show the gain"),
     ],
 )  # fmt: skip

@@ -326,45 +326,22 @@ def _design(rows: Sequence[np.ndarray]) -> np.ndarray:
     ])  # fmt: skip
 
 
-def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
+def answers(law: SupervisedLaw, starts: Sequence[StartLog], other_waves: Sequence[StartLog] = ()) -> Answers:
     """Return the responses to a robot's start-up test and probe, by replaying its starts through its control law.
 
     The probe's response is computed from starts whose efforts agree with the commands of the law, and the work of the
-    start-up test from starts whose test wave agrees with the law's.
+    start-up test from starts whose test wave agrees with the law's: of `other_waves` where `starts` have too few.
 
     Raises
     ------
     PellucidError
         If a log lacks a sensor of the law.
     """
-    works, probed, windows = [], [], []
+    probed, windows = [], []
     notes: dict[str, None] = {}
-    wave = law.supervision["test_effort"]
-    for start in starts:
-        running, asked = law.start(), np.empty(len(start.time))
-        missing = [name for name in law.sensors[1:] if name not in start.others and name in _required(law)]
-        if missing:
-            raise PellucidError(f"{start.name}: found no column {missing[0]}, expected it because the law reads it")
-        sensors = [start.others.get(name) for name in law.sensors[1:]]
-        drive, joint = start.others.get("drive"), start.others.get("joint")
-        for k, time in enumerate(start.time):
-            others = [None if one is None else float(one[k]) for one in sensors]
-            asked[k] = running.step(
-                float(time), float(start.position[k]), *others,
-                drive=None if drive is None else float(drive[k]), joint=None if joint is None else float(joint[k]),
-            )  # fmt: skip
-        apart = float(np.abs(asked - start.effort).max())
-        is_own = apart <= MAX_EFFORT_DIFFERENCE * law.values["effort_limit"]
-        work = _wave_work(law, start)
-        half = round(law.supervision["test_samples"])
-        # The law's own wave is that of the replay, which a limit of its rate makes smaller.
-        peak, own = _first_peak(start.effort, half), _first_peak(asked, half) or wave
-        if wave > 0.0 and abs(peak - own) > MAX_WAVE_DIFFERENCE * own:
-            said = f"the wave of a start has an amplitude of {peak:.3g}, that of the exported controller {own:.3g}"
-            notes[f"{said}: the response of the start-up test was not computed"] = None
-        elif work is not None:
-            works.append(work)
-        answer, count = running.probe_answer
+    played = [(start, *_replayed(law, start)) for start in starts]
+    for start, asked, (answer, count) in played:
+        is_own = float(np.abs(asked - start.effort).max()) <= MAX_EFFORT_DIFFERENCE * law.values["effort_limit"]
         if count and is_own:
             probed.append(answer)
             windows.append(count)
@@ -373,13 +350,53 @@ def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
     probe = None
     if sum(windows) >= MIN_PROBE_WINDOWS:
         probe = tuple(map(float, np.average(probed, axis=0, weights=windows)))
-    if 0 < len(works) < MIN_STARTS:
-        notes[f"only {len(works)} starts with a whole wave: the response of the start-up test was not computed"] = None
+    works, said = _wave_works(law, played)
+    if len(works) < MIN_STARTS and other_waves:
+        works, said = _wave_works(law, [(start, *_replayed(law, start)) for start in other_waves])
+    notes |= said
+    wave = law.supervision["test_effort"]
     mean = float(np.mean(works)) if len(works) >= MIN_STARTS and wave > 0.0 else None
     spread = float(np.std(works, ddof=1)) if len(works) > 1 else 0.0
     if probe is None and law.supervision["probe_effort"] > 0.0:
         notes["too little motion while the controller was running to compute the probe's response"] = None
     return Answers(mean, spread, probe, int(sum(windows)), len(works), tuple(notes), wave)
+
+
+def _replayed(law: SupervisedLaw, start: StartLog) -> tuple[np.ndarray, tuple[Sequence[float], int]]:
+    """Return the efforts that a law asks for on the readings of a start, and its probe's response and windows."""
+    running, asked = law.start(), np.empty(len(start.time))
+    missing = [name for name in law.sensors[1:] if name not in start.others and name in _required(law)]
+    if missing:
+        raise PellucidError(f"{start.name}: found no column {missing[0]}, expected it because the law reads it")
+    sensors = [start.others.get(name) for name in law.sensors[1:]]
+    drive, joint = start.others.get("drive"), start.others.get("joint")
+    for k, time in enumerate(start.time):
+        others = [None if one is None else float(one[k]) for one in sensors]
+        asked[k] = running.step(
+            float(time), float(start.position[k]), *others,
+            drive=None if drive is None else float(drive[k]), joint=None if joint is None else float(joint[k]),
+        )  # fmt: skip
+    return asked, running.probe_answer
+
+
+def _wave_works(
+    law: SupervisedLaw, played: Sequence[tuple[StartLog, np.ndarray, object]]
+) -> tuple[list[float], dict[str, None]]:
+    """Return the works of the start-up waves of starts, with the efforts that the law asks for, and notes."""
+    works, notes = [], dict[str, None]()
+    wave, half = law.supervision["test_effort"], round(law.supervision["test_samples"])
+    for start, asked, _ in played:
+        work = _wave_work(law, start)
+        # The law's own wave is that of the replay, which a limit of its rate makes smaller.
+        peak, own = _first_peak(start.effort, half), _first_peak(asked, half) or wave
+        if wave > 0.0 and abs(peak - own) > MAX_WAVE_DIFFERENCE * own:
+            said = f"the wave of a start has an amplitude of {peak:.3g}, that of the exported controller {own:.3g}"
+            notes[f"{said}: the response of the start-up test was not computed"] = None
+        elif work is not None:
+            works.append(work)
+    if 0 < len(works) < MIN_STARTS:
+        notes[f"only {len(works)} starts with a whole wave: the response of the start-up test was not computed"] = None
+    return works, notes
 
 
 def _first_peak(effort: np.ndarray, half: int) -> float:

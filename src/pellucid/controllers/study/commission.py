@@ -24,6 +24,7 @@ from ...units import to_si_factor
 from ..commissioning import (
     DRIVE_WAVE_FACTOR,
     MAX_GAIN_ERROR,
+    MIN_STARTS,
     Answers,
     DriveCheck,
     Robot,
@@ -46,6 +47,9 @@ LOG_COLUMNS = {"time": ("s",), "position": ("rad", "m"), "effort": ("N*m", "N")}
 
 MIN_PAUSE_PERIODS = 20
 """A gap in a log's time of this many periods, or a step back, begins another start."""
+
+MIN_UNIT_RATIO = 100.0
+"""Smallest ratio of a log's period to the controller's that another unit explains better than rows that lack [1]."""
 
 MIN_START_ROWS = 100
 """Shortest start of a log in rows; less is none."""
@@ -80,6 +84,8 @@ class Commissioning:
         Whether the gain was checked by hand.
     options : tuple of str
         Options with which `export` writes the same controller.
+    problem : str
+        Why study.toml could not be written.
     """
 
     source: str
@@ -89,6 +95,7 @@ class Commissioning:
     folder: str = ""
     gain_checked: bool = False
     options: tuple[str, ...] = ()
+    problem: str = ""
 
     @property
     def answer(self) -> Answer:
@@ -97,9 +104,7 @@ class Commissioning:
         if drive.sign < 0:
             reasons.append("its sign is reversed")
         elif not (drive.is_right or drive.is_open):
-            degrees = abs(drive.gain * math.pi / 180.0 - 1.0) <= MAX_GAIN_ERROR
-            guess = ", as if positions were degrees instead of radians" if degrees else ""
-            reasons.append(f"its gain is {drive.gain:.3f} times the stated one{guess}")
+            reasons.append(f"its gain is {drive.gain:.3f} times the stated one{_unit_guess(drive.gain)}")
         known = np.isfinite(drive.gain)
         if drive.is_open and not self.gain_checked:
             return self._open_answer()
@@ -129,9 +134,11 @@ class Commissioning:
         gain, delay = "not identifiable: the transmission is compliant, or gain or identified inertia is wrong", ""
         if np.isfinite(drive.coarse_steps):
             gain = (
-                f"not identifiable: the wave moves the joint by only {drive.coarse_steps:.0f} steps of the encoder. Start "
-                "from more positions that differ, or commission with --udp, whose wave is longer"
+                f"not identifiable: the wave moves the joint by only {drive.coarse_steps:.0f} steps of the encoder. "
+                "Start from more positions that differ, or commission with --udp, whose wave is longer"
             )
+        elif np.isnan(drive.gain_spread):
+            gain = f"not identifiable: fewer than {MIN_STARTS} starts have a whole wave"
         if np.isfinite(drive.gain):
             gain = f"{drive.gain:.3f} times the stated gain (standard deviation {drive.gain_spread:.3f})"
             delay = f"{1e3 * drive.delay:.1f} ms from command to effort"
@@ -151,6 +158,18 @@ class Commissioning:
         else:
             made.append("study.toml: nothing written")
         return tuple(made)
+
+
+def _unit_guess(gain: float) -> str:
+    """Return the wrong unit that a gain suggests, as the end of a sentence; nothing where it suggests none."""
+    tenfold = 10.0 ** round(math.log10(gain))
+    guesses = {
+        180.0 / math.pi: "positions were degrees instead of radians",
+        math.pi / 180.0: "positions were radians instead of degrees",
+        tenfold: f"the unit of effort or position were wrong by a factor of {tenfold:g}",
+    }
+    near = [guess for factor, guess in guesses.items() if abs(gain / factor - 1.0) <= MAX_GAIN_ERROR and factor != 1.0]
+    return f", as if {near[0]}" if near else ""
 
 
 def _nobody_to_ask(question: str) -> None:
@@ -186,7 +205,8 @@ def commission(
         further sensors of the law, in SI or in the unit that a name states, a row for each period; starts are apart
         by a gap in the time. None of logs and `robot`: the study's virtual robot.
     worn_logs : sequence of Path
-        The same on a wearer at ease. Without any, the answers are taken from `logs`.
+        The same on a wearer at ease, who moves the joint for 20 s. Without any, the answers are taken from `logs`; with
+        fewer than three starts, that of the start-up test is.
     robot : object or None
         Robot that is started here, with `read` and `write` as `pellucid.live.udp_robot.UdpRobot` has them.
     controller, participant : str or None
@@ -246,18 +266,27 @@ def commission(
     options = tuple(word for name, value in told.items() if value is not None for word in (f"--{name}", value))
 
     def answered(
-        source: str, empty: Sequence[StartLog], take_starts: Callable[[], Sequence[StartLog]]
+        source: str,
+        empty: Sequence[StartLog],
+        take_starts: Callable[[], Sequence[StartLog]],
+        other_waves: Sequence[StartLog] = (),
     ) -> Commissioning:
         drive = drive_check(empty, law.supervision["body_inertia"])
-        found, written = Answers(None, math.nan, None, 0, 0), tuple[str, ...]()
+        found, written, problem = Answers(None, math.nan, None, 0, 0), tuple[str, ...](), ""
         if drive.is_right or (drive.is_open and gain_checked):
-            found = answers(law, take_starts())
-            written = state_answers(study.folder / "study.toml", found, values.effort_unit)
-        return Commissioning(source, drive, found, written, str(study.folder), gain_checked, options)
+            found = answers(law, take_starts(), other_waves)
+            try:
+                written = state_answers(study.folder / "study.toml", found, values.effort_unit)
+            except OSError as error:
+                problem = f"{study.folder / 'study.toml'} could not be written: {error.strerror or error}"
+        return Commissioning(source, drive, found, written, str(study.folder), gain_checked, options, problem)
 
     if logs:
         period = law.values["period"]
-        return answered("logs", read_starts(logs, period), lambda: read_starts(worn_logs or logs, period))
+        empty = read_starts(logs, period)
+        if not worn_logs:
+            return answered("logs", empty, lambda: empty)
+        return answered("logs", empty, lambda: read_starts(worn_logs, period), empty)
     if robot is not None:
         source, robot_of = "robot", _same_robot(cast(Robot, robot))
     else:
@@ -313,9 +342,11 @@ def read_starts(paths: Sequence[Path], period: float) -> list[StartLog]:
         steps = np.diff(time)
         step = float(np.median(steps))
         if not abs(step / period - 1.0) <= RATE_TOLERANCE:
+            is_unit = step > MIN_UNIT_RATIO * period
+            advice = "state another unit in the name, such as time [ms]" if is_unit else "log one row each period"
             raise PellucidError(
                 f"{path}: found rows {step:.4g} s apart by the column time, expected the controller's period of "
-                f"{period:.4g} s: state another unit in the name, such as time [ms]"
+                f"{period:.4g} s: {advice}"
             )
         cuts = np.flatnonzero((steps > MIN_PAUSE_PERIODS * period) | (steps <= 0.0)) + 1
         for first, last in zip((0, *cuts), (*cuts, time.size), strict=True):
