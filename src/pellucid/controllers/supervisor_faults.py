@@ -246,6 +246,8 @@ def undetectable_notes(instruments: Instruments, *, has_force_sensor: bool) -> t
         faults.append("an encoder that drifts, is mirrored or loses counts (remedy: a second encoder at the joint)")
     if not instruments.asks_at_rest:
         faults.append("an encoder that freezes at rest (remedy: a probe, or a measurement of the drive)")
+    if not instruments.drive:
+        faults.append("a drive that gives half of the effort (remedy: a measurement of the drive)")
     if instruments.drive and not has_force_sensor:
         faults.append(
             "a drive sensor that is wrong by the same factor as the drive (remedy: a sensor outside the drive's "
