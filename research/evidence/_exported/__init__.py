@@ -53,7 +53,7 @@ from .trials import (
 TUNING_SEED = 20261101
 """First seed of plants on which thresholds may be chosen."""
 
-JUDGED_SEED = 390584247
+JUDGED_SEED = 407761978
 """Seed of the plants of the proof, on which nothing was chosen."""
 
 PLANT_COUNT = sized(20, smallest=1)
