@@ -107,6 +107,11 @@ def test_the_help_of_all_commands_fits_one_screen():
     assert max(map(len, told)) <= 80
 
 
+def test_a_value_to_copy_keeps_its_minus():
+    """A delay with the typographer's minus was no number in study.toml."""
+    assert typeset_quantities('Write torque = { delay = "-3.0 ms" }.') == 'Write torque = { delay = "-3.0 ms" }.'
+
+
 def test_minus_signs_of_sentences_are_typographic_and_options_are_not():
     said = typeset_quantities("seen from -20.4 to +3.1 deg, -.5 N*m/rad; run with -v, run-2, 1e-05 s, 2026-11-27")
     assert said == "seen from −20.4 to +3.1 deg, −.5 N·m/rad; run with -v, run-2, 1e-05 s, 2026-11-27"

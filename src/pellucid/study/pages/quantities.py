@@ -264,11 +264,11 @@ def capitalised(text: str) -> str:
 def typeset_quantities(text: str) -> str:
     """Return a sentence with the typography of its units, N·m or kg·m², and of its minus signs.
 
-    Names of files, and options such as ``-v``, stay unchanged.
+    Names of files, options such as ``-v``, and quoted values, which are to be copied, stay unchanged.
     """
     text = re.sub(r"(?<=[A-Za-z])\*(?=[A-Za-z])", "·", without_negative_zero(text))
     text = re.sub(r"(?<=[a-z])\^2\b", "²", text)
-    return re.sub(r"(?<![\w^-])-(?=\.?\d)", MINUS_SIGN, text)
+    return re.sub(r"(?<![\w^\"-])-(?=\.?\d)", MINUS_SIGN, text)
 
 
 def parameter_label(name: str, unit: str = "") -> str:
