@@ -729,7 +729,8 @@ def unheard_energies(numbers: Mapping[str, float]) -> tuple[float, float, float]
     """
     body = {name.removeprefix("body_"): value for name, value in numbers.items() if name.startswith("body_")}
     limit, travel = numbers["effort_limit"], numbers["probe_travel"]
-    steady = steady_effort(body, numbers.get("gravity_share", 1.0), limit)
+    exchanged = numbers["push_limit"] - limit  # weight of the wearer that the law carries, or of the robot left
+    steady = min(steady_effort(body, numbers.get("gravity_share", 1.0), limit) + exchanged, limit)
     return stuck_effort(numbers["drive_limit"], limit) * travel, 2.0 * steady * travel, steady * travel
 
 
