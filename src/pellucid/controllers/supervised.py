@@ -81,9 +81,10 @@ its drive is not heard: see `STUCK_ENERGY_J`. The shortest is more than the 0.07
 hold which have not ended yet; at 8 rad/s a drive stuck at 6.7 N m gives 5 J on it."""
 
 MIN_UNHEARD_WAY = 0.7
-"""Such a way below which a healthy robot is stopped, unless the longest is shorter [rad or m]: who moves more slowly is
-heard as late. With a limit of 4.5 rad/s, 0.62 rad stopped 2 of 144 tuning wearers whom the longest let go on; with 4
-rad/s on a robot of 44 N m, 0.37 rad stopped 28 times in 8 h, mostly one of 96 robots, and the longest never."""
+"""Shortest such way where the longest one is not shorter [rad or m]: less stops slow healthy robots.
+
+With a limit of 4.5 rad/s, 0.62 rad stopped 2 of 144 tuning wearers whom the longest let go on. With 4 rad/s on a robot
+of 44 N m, 0.37 rad stopped 28 times in 8 h, mostly one of 96 robots, and the longest never."""
 
 STUCK_ENERGY_J = 4.6
 """Energy that a drive which is stuck at half of its largest effort gives on that way, between both bounds [J].
@@ -712,13 +713,9 @@ def weight_of(body: Mapping[str, float]) -> float:
     return math.hypot(body["gravity_sine"], body["gravity_cosine"]) + abs(body["offset"])
 
 
-def steady_effort(body: Mapping[str, float], gravity_share: float, limit: float) -> float:
-    """Return the largest effort with which a law carries a `body` at rest, its weight and friction, SI.
-
-    `gravity_share` is that of the weight which the law carries, and `limit` its effort limit.
-    """
-    weight = weight_of(body)
-    return min(min(gravity_share * weight, limit) + body_resistance(body, 0.0, weight), limit)
+def carried_weight(values: Mapping[str, float], weight: float) -> float:
+    """Return what a law of these `values` carries of the robot's `weight`, by its share of gravity and its limit."""
+    return min(values.get("gravity_share", 1.0) * weight, values["effort_limit"])
 
 
 def unheard_energies(numbers: Mapping[str, float]) -> tuple[float, float, float]:
@@ -728,9 +725,9 @@ def unheard_energies(numbers: Mapping[str, float]) -> tuple[float, float, float]
     one without effort. `numbers` are those of a law with a probe and of its supervisor, by name.
     """
     body = {name.removeprefix("body_"): value for name, value in numbers.items() if name.startswith("body_")}
-    limit, travel = numbers["effort_limit"], numbers["probe_travel"]
+    weight, limit, travel = weight_of(body), numbers["effort_limit"], numbers["probe_travel"]
     exchanged = numbers["push_limit"] - limit  # weight of the wearer that the law carries, or of the robot left
-    steady = min(steady_effort(body, numbers.get("gravity_share", 1.0), limit) + exchanged, limit)
+    steady = min(carried_weight(numbers, weight) + body_resistance(body, 0.0, weight) + exchanged, limit)
     return stuck_effort(numbers["drive_limit"], limit) * travel, 2.0 * steady * travel, steady * travel
 
 
@@ -890,7 +887,7 @@ def supervision_of(
     if math.isfinite(speed):
         reversing = body_resistance(body, REVERSAL_SPEED_SHARE * speed, weight)
     # Weight that the law leaves to the wearer, because of its share of gravity or its effort limit.
-    left = max(weight - min(v.get("gravity_share", 1.0) * weight, effort), 0.0)
+    left = max(weight - carried_weight(v, weight), 0.0)
     # Weight that wearer and robot exchange: what the law leaves, or what it carries of the wearer.
     exchanged = left + law.supported + law.unstated
     load_weight = 0.0 if law.load is None else law.load.gravity()
@@ -993,7 +990,7 @@ def supervision_of(
         resolution = complete.encoder_resolution
         made |= probe_numbers(
             inertia, resolution, limit=effort, period=period, speed_limit=speed, drive_limit=instruments.drive_limit,
-            steady=steady_effort(body, v.get("gravity_share", 1.0), effort),
+            steady=min(carried_weight(v, weight) + friction, effort),
         )  # fmt: skip
         made |= commissioned_answers(instruments.probe_answer)
     if inertia > 0.0 and instruments.asks_at_rest:

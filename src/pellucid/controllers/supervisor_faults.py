@@ -230,9 +230,9 @@ def _bound_of_energies(numbers: Mapping[str, float]) -> str:
         return "Without a velocity limit the energy of its faults is not bounded. "
     stuck, wrong, dead = (f"{energy:.2g}" if energy < 10.0 else f"{energy:.0f}" for energy in unheard_energies(numbers))
     return (
-        f"On this robot the stop bounds the energy to about {stuck} J with the effort stuck at half of its limit, "
-        f"{wrong} J with reversed polarity or three times the effort, and {dead} J without effort; a lower "
-        "velocity limit in [rig.limits] lowers it. "
+        f"On this robot the supervisor limits the energy to about {stuck} J if the effort is stuck at half of its "
+        f"limit, {wrong} J with reversed polarity or three times the effort, and {dead} J without effort. A lower "
+        "velocity limit in [rig.limits] reduces it. "
     )
 
 
