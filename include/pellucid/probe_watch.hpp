@@ -93,6 +93,8 @@ constexpr double probe_loud_answer = 12;
 constexpr double probe_idle_share = 0.02;
 /// Largest share of the way that evidence of no answer takes away: one blow can bring half of the evidence of a fault.
 constexpr double probe_doubted_share = 1.0 / 3;
+/// Size of the waves once half of the way is gone, relative to the usual one.
+constexpr double probe_loudest = 2;
 /// Delays that are looked for: multiples of this one [s], from the second on.
 constexpr double probe_delay_step = 0.004;
 constexpr std::uint32_t probe_delay_count = 5;
@@ -144,6 +146,7 @@ template <class S> struct ProbeWatchCoefficients {
   S period{};                                  ///< [s]
   S idle{};                                    ///< half of the way to and fro that counts as none [rad]
   S smoothing{};                               ///< share of a new velocity in the smooth one [1]
+  S steepest{};                                ///< largest change of the waves in a period [N m]
   std::uint32_t valid = 0;                     ///< 1: the parameters make sense
 };
 
@@ -165,6 +168,7 @@ template <class S> ProbeWatchCoefficients<S> coefficients(const ProbeWatchParams
     const S noise = p.noise * S(2) * (S(1) - c.turn[i].cos) * c.inertia_rate / period;
     c.floor[i] = S(0.375) * static_cast<S>(p.samples) * noise * noise;
   }
+  c.steepest = S(probe_loudest * (probe_cycles[0] + probe_cycles[1] + probe_cycles[2])) * cycle * p.effort;
   for (std::uint32_t i = 0; i < probe_wave_count; ++i)
     c.delay[i] = sincos(S(-probe_delay_step) / period * cycle * static_cast<S>(probe_cycles[i]));
   return c;
@@ -218,11 +222,29 @@ template <class S> S bounded(const ProbeWatchCoefficients<S>& c, const ProbeWatc
   return left >= c.params.energy ? effort : left > S(0) ? effort * (left / c.params.energy) : S(0);
 }
 
-/// The effort to add in this period [N m].
-template <class S> S wave(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s) noexcept {
+/// The longer way, forth or back, since drive and encoder were heard [rad], with that of windows that are not whole yet.
+template <class S> S way_of(const ProbeWatchState<S>& s) noexcept {
+  S way[2] = {s.way[0], s.way[1]};
+  for (const ProbeWindowState<S>& w : s.window)
+    for (std::uint32_t k = 0; k < 2; ++k) way[k] = way[k] + w.way[k];
+  return max(way[0], way[1]);
+}
+
+/// The way that the joint may go now while its drive is not heard [rad].
+template <class S> S allowed_way(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s) noexcept {
+  return c.params.travel * (S(1) - min(s.sum[2] / c.params.evidence, S(probe_doubted_share)));
+}
+
+/// Share of its way that the joint has gone since its drive was heard [1].
+template <class S> S used_way(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s) noexcept {
+  return way_of(s) / allowed_way(c, s);
+}
+
+/// The effort to add in this period [N m]. The waves become larger before the joint has gone as far as it may unheard.
+template <class S> S wave(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s, const S& used = S(0)) noexcept {
   if (!(c.params.effort > S(0))) return S(0);
-  const S made = c.params.effort * (s.phase[0].real + s.phase[1].imaginary + s.phase[2].real);
-  return abs(made) <= S(probe_crest * 1.001) * c.params.effort ? made : S(0);
+  const S usual = c.params.effort * (s.phase[0].real + s.phase[1].imaginary + s.phase[2].real);
+  return abs(usual) <= S(probe_crest * 1.001) * c.params.effort ? usual * clamp(S(4) * used, S(1), S(probe_loudest)) : S(0);
 }
 
 /// Takes a window of a healthy robot into what is known of its answers.
@@ -406,23 +428,8 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
   return best < 3 ? verdicts[best] : SafetyFault::late_answer;
 }
 
-/// The longer way, forth or back, since drive and encoder were heard [rad], with that of windows that are not whole yet.
-template <class S> S way_of(const ProbeWatchState<S>& s) noexcept {
-  S way[2] = {s.way[0], s.way[1]};
-  for (const ProbeWindowState<S>& w : s.window)
-    for (std::uint32_t k = 0; k < 2; ++k) way[k] = way[k] + w.way[k];
-  return max(way[0], way[1]);
-}
-
-/// The way that the joint may go now while its drive is not heard [rad].
-template <class S> S allowed_way(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s) noexcept {
-  return c.params.travel * (S(1) - min(s.sum[2] / c.params.evidence, S(probe_doubted_share)));
-}
-
 /// Room below its limits that the law leaves to the waves [N m]: the more, the less of the way is left.
-template <class S> S room_of(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s) noexcept {
-  if (!(c.params.effort > S(0))) return S(0);
-  const S used = way_of(s) / allowed_way(c, s);
+template <class S> S room_of(const ProbeWatchCoefficients<S>& c, const S& used) noexcept {
   return S(probe_crest) * c.params.effort * clamp(S(4) * used - S(2), S(0), S(1));
 }
 

@@ -537,14 +537,15 @@ template <class S> S least_of(const SupervisorState<S>& s) noexcept {
 template <class S>
 S with_probe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const SafetyCoefficients<S>& gate, S effort,
              S position) noexcept {
-  const S own = bounded(c.probe, s.probe, effort), room = room_of(c.probe, s.probe);
-  const S added = wave(c.probe, s.probe) + wave(c.still, s.still);
+  const S used = used_way(c.probe, s.probe), room = room_of(c.probe, used);
+  const S own = bounded(c.probe, s.probe, effort), added = wave(c.probe, s.probe, used) + wave(c.still, s.still);
   if (added == S(0) && room == S(0) && own == effort) return effort;
   const S highest = max(c.effort_limit * stop_taper(gate, gate.params.position_max - position), effort);
   const S lowest = min(-c.effort_limit * stop_taper(gate, position - gate.params.position_min), effort);
   const S allowed = room > S(0) ? clamp(own, min(lowest + room, S(0)), max(highest - room, S(0))) : own;
-  const S last = least_of(s);
-  const S total = clamp(clamp(allowed + added, lowest, highest), last - c.max_change, last + c.max_change);
+  // The law's own limit of the rate would take the fast waves away from a strong, heavy robot.
+  const S last = least_of(s), change = c.max_change + min(abs(added - s.wave[1]), c.probe.steepest);
+  const S total = clamp(clamp(allowed + added, lowest, highest), last - change, last + change);
   if (!(abs(total) <= c.effort_limit)) return own;
   s.wave[0] = total - allowed;
   return total;

@@ -420,13 +420,26 @@ void hearing() {
   auto bounded = usual<double>();
   bounded.travel = 0.5;
   const auto far = p::coefficients(bounded, 1e-3);
-  for (const double share : {0.0, 0.5, 0.6, 0.75, 1.0}) {
+  for (const double share : {0.0, 0.2, 0.3, 0.5, 0.6, 0.75, 1.0}) {
     p::ProbeWatchState<double> s;
     s.way[0] = 0.5 * share;
     const double part = share < 0.5 ? 0 : share > 0.75 ? 1 : 4 * share - 2;
-    check_close(p::room_of(far, s), part * p::probe_crest * bounded.effort, 1e-12, "room for the waves");
-    check(p::room_of(c, s) == 0, "none on an endless way");
+    check_close(p::room_of(far, p::used_way(far, s)), part * p::probe_crest * bounded.effort, 1e-12, "room for the waves");
+    check(p::used_way(c, s) == 0 && p::room_of(c, 0.0) == 0, "none on an endless way");
+    // The waves are twice as large from half of the way on, and as usual up to a quarter.
+    const double louder = share < 0.25 ? 1 : share < 0.5 ? 4 * share : 2;
+    check_close(p::wave(far, s, p::used_way(far, s)), louder * p::wave(far, s), 1e-12, "larger waves");
   }
+  // None of them changes faster than is said.
+  p::ProbeWatchState<double> s;
+  double before = 0, steepest = 0;
+  for (int period = 0; period < 240; ++period) {
+    p::step(far, s, 0.0, 0.0, 0.0);
+    const double now = p::wave(far, s, 1.0);
+    if (period > 0) steepest = std::fmax(steepest, std::fabs(now - before));
+    before = now;
+  }
+  check(steepest <= far.steepest && steepest > 0.7 * far.steepest, "as fast as is said");
 }
 
 /// What is known is a mean, of all windows and then of the latest fifty, with the mean square of their errors.

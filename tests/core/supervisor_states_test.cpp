@@ -952,7 +952,8 @@ void efforts_with_waves() {
     };
     check(made(3, 0, 3, 0.25) == 3.25 && made(3, 0, 3, -0.25) == 2.75, "with the wave on it");
     check(made(3, 0, 3, 0) == 3 && made(3, 0, 1, 0) == 3, "its own, to the bit, without one");
-    check(made(3, 0, 2.5, 0.25) == 3 && made(3, 0, 4, 0.25) == 3.5, "within the rate");
+    check(made(3, 0, 2.25, 0.25) == 3 && made(3, 0, 4.25, 0.25) == 3.5, "within the rate of the law and that of the wave");
+    check(made(3, 0, 0, 20) == 3, "no wave beyond its size");
     check(made(4, 1.5, 4, 0.25) == 4.25 && made(4.875, 1.5, 4.875, 0.25) == 5, "half of the limit before a stop");
     check(made(7, 1.5, 7, 0.25) == 7 && made(7, 1.5, 7, -0.25) == 6.75, "unless its own is beyond it");
     check(made(9.75, 0, 9.75, 0.5) == 10 && made(10, 0, 10, 0.25) == 10, "the limit");

@@ -212,8 +212,8 @@ def test_the_energy_of_faults_is_that_of_the_exported_robot():
         assert wrong == 2.0 * dead == pytest.approx(2.0 * robot["gravity_sine"] * numbers["probe_travel"], rel=0.05)
         said.append(warn_of_unmeasured_drive(numbers))
     assert "about 4.6 J if the effort is stuck" in said[0]
-    assert "about 30 J if the effort is stuck" in said[1]
-    assert "65 J with reversed polarity or three times the effort, and 33 J without effort" in said[1]
+    assert "about 32 J if the effort is stuck" in said[1]
+    assert "70 J with reversed polarity or three times the effort, and 35 J without effort" in said[1]
 
 
 def test_an_export_says_that_its_model_is_in_doubt(study, unplayed):

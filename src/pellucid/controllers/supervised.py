@@ -36,8 +36,9 @@ from .instruments import (
     Instruments,
 )
 
-PROBE_WINDOW_S = 0.12
-"""Duration of a window of the probe; its waves have 42, 75 and 108 Hz, above strap and ringing band."""
+PROBE_WINDOWS_S = (0.12, 0.2)
+"""Shortest and longest duration of a window of the probe. Its waves have 42, 75 and 108 Hz, above strap and ringing
+band, to 25, 45 and 65 Hz."""
 
 MAX_PROBE_PERIOD_S = 0.002
 """Longest control period at which a law may probe: the highest wave then has more than four samples a cycle."""
@@ -68,6 +69,10 @@ PROBE_READING_ERRORS = 4.0
 MIN_PROBE_SIGNAL_TO_NOISE = 4.0
 """Smallest power of a window's lock-in over that of the encoder's noise, summed over the three waves [1]."""
 
+PROBE_SIGNAL_TO_NOISE = 39.0
+"""Such power up to which a window becomes longer than the shortest: elbows have as much. With 19, on a robot of 44 N m
+with an encoder of 14 to 16 bits, healthy legs were not heard three times as often."""
+
 PROBE_SPEED_MARGIN = 2.0
 """The joint moves if it is faster than this multiple of the speed that the whole wave causes [1]."""
 
@@ -77,7 +82,7 @@ MIN_PROBE_SPEED = 0.1
 
 UNHEARD_S = (0.093, 0.16)
 """Times at the velocity limit whose ways are the shortest and the longest that the joint may go, forth or back, while
-its drive is not heard: see `STUCK_ENERGY_J`. The shortest is more than the 0.075 s of way that windows of the probe
+its drive is not heard: see `STUCK_ENERGY_J`. They are those of the shortest window and grow with it. The shortest is more than the 0.075 s of way that windows of the probe
 hold which have not ended yet; at 8 rad/s a drive stuck at 6.7 N m gives 5 J on it."""
 
 MIN_UNHEARD_WAY = 0.7
@@ -116,12 +121,14 @@ def commissioned_answers(answer: Sequence[float] | None) -> Mapping[str, float]:
     return {"probe_answer_error": PROBE_ANSWER_ERROR, **dict(zip(PROBE_ANSWER_NAMES, answer, strict=True))}
 
 
-def probe_signal_to_noise(amplitude: float, inertia: float, resolution: float, period: float) -> float:
+def probe_signal_to_noise(
+    amplitude: float, inertia: float, resolution: float, period: float, samples: int | None = None
+) -> float:
     """Return the power of a window's lock-in over that of the encoder's noise, summed over the three waves [1].
 
-    `amplitude` [N m or N] is that of each wave; all others are SI.
+    `amplitude` [N m or N] is that of each wave; all others are SI. The window has `samples`; None for the shortest.
     """
-    samples = probe_samples(period)
+    samples = samples or probe_samples(period)
     total = 0.0
     for cycles in PROBE_CYCLES:
         noise = resolution / PROBE_READING_ERRORS * 2.0 * (1.0 - math.cos(2.0 * math.pi * cycles / samples))
@@ -129,9 +136,9 @@ def probe_signal_to_noise(amplitude: float, inertia: float, resolution: float, p
     return total
 
 
-def probe_samples(period: float) -> int:
-    """Return the number of periods in a window, a multiple of four."""
-    return 4 * round(0.25 * PROBE_WINDOW_S / period)
+def probe_samples(period: float, window: float = PROBE_WINDOWS_S[0]) -> int:
+    """Return the number of periods in a window [s], a multiple of four."""
+    return 4 * round(0.25 * window / period)
 
 
 def stuck_effort(drive_limit: float, limit: float) -> float:
@@ -189,11 +196,17 @@ def probe_numbers(
             f"{MAX_PROBE_SHARE * limit:.3g}, {MAX_PROBE_SHARE:g} of the effort limit"
         )
     amplitude = max(needed, min(wanted, largest))
-    samples = probe_samples(period)
+    shortest_window, longest_window = (probe_samples(period, window) for window in PROBE_WINDOWS_S)
+    samples = shortest_window
+    while (
+        samples < longest_window
+        and probe_signal_to_noise(amplitude, inertia, resolution, period, samples) < PROBE_SIGNAL_TO_NOISE
+    ):
+        samples += 4
     slowest = 2.0 * math.pi * PROBE_CYCLES[0] / (samples * period)
     speed = PROBE_CREST * amplitude / (inertia * slowest)
     stuck = stuck_effort(drive_limit, limit)
-    shortest, longest = (time * speed_limit for time in UNHEARD_S)
+    shortest, longest = (time * speed_limit * samples / shortest_window for time in UNHEARD_S)
     travel = min(max(STUCK_ENERGY_J / stuck, shortest, MIN_UNHEARD_WAY), longest)
     way = travel if math.isfinite(travel) else STUCK_ENERGY_J / stuck
     return {
@@ -391,6 +404,14 @@ SHAKING_TIME_S = 0.016
 On 440 foreign plants of 20261101 and 20261103, in 55 h, wearers who reach, stop suddenly, hit things and have spasms
 made four and five travels in a row of at most 0.055 rad, at a velocity limit of 8 rad/s. On those of 20261115, in 48 h,
 one made four of 0.09 rad."""
+
+SHAKING_SQUARE_S2 = 7e-4
+"""Largest travel of an oscillation over the acceleration that the drive can give the robot [s^2]: a heavy robot and its
+wearer oscillate less. The elbow's drive gives 190 rad/s^2, that of a leg of 44 N m 100 rad/s^2."""
+
+MIN_SHAKING_SHARE = 0.5
+"""Smallest travel, as a share of the one by the velocity limit [1]: with a quarter, no one of 48 legs was stopped in
+4 h."""
 
 ENERGY_STORE_SPEED_SHARE = 0.575
 """Size of the energy budget: the kinetic energy of robot and limb at this share of the velocity limit [1]."""
@@ -926,7 +947,8 @@ def supervision_of(
         "degrades": float(v.get("gravity_share", 1.0) > 0.5),
     }
     if instruments.shaking:
-        made["shaking_limit"] = SHAKING_TIME_S * speed
+        usual, strongest = SHAKING_TIME_S * speed, instruments.drive_limit / inertia if inertia > 0.0 else math.inf
+        made["shaking_limit"] = min(max(SHAKING_SQUARE_S2 * strongest, MIN_SHAKING_SHARE * usual), usual)
     if math.isfinite(speed):
         # The law may always use the power that carries weight and friction at the velocity limit.
         due = min(effort, weight - left + law.supported + body_resistance(body, speed, weight))
