@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shutil
 import subprocess
@@ -20,6 +21,9 @@ from pellucid.controllers.export.controller_values import ControllerValues, prot
 from pellucid.controllers.export.export import values_for
 from pellucid.controllers.instruments import Instruments
 from pellucid_lab.safety.worn_robot import LAWS
+
+from .leg_logs import DRIVE_LIMIT_NM as LEG_DRIVE_LIMIT_NM
+from .leg_logs import write_leg_logs
 
 HERE = Path(__file__).parent
 """Folder of the plant's source."""
@@ -75,6 +79,15 @@ RIG_EXPORTS: Mapping[str, tuple[str, ...]] = {
 DATASET_EXPORTS: tuple[str, ...] = ("bam_servo", "emps", "bam_xl330", "sydney_pendulum")
 """Data sets with one joint that have a default export; only the first comes with Pellucid."""
 
+LEG = "worn-leg"
+"""Name of the study of a heavy hip robot, which begins with log files."""
+
+LIMBS: Mapping[str, str] = {"able-elbow": "forearm", "knee-orthosis": "shank", LEG: "leg"}
+"""Limbs of those who wear the robots of studies; every other law of `LAWS` is the elbow's."""
+
+LEG_LOG_SEED = 20261101
+"""Seed of the logs from which the leg is identified."""
+
 MEMORY_MAP_SOURCE = """// Where parts of this controller lie: the one file that knows the core, and no plant.
 #include "exported_law.hpp"
 #include "pellucid_constants.h"
@@ -107,9 +120,14 @@ class ExportedLaw:
     numbers: Mapping[str, float]  # every number that pellucid_constants.h has, SI
     identified: Mapping[str, float]  # numbers of the robot as its card has them, without a margin, SI
     uses: frozenset[str]  # optional sensors that the law makes use of
-    worn: bool  # whether somebody wears the machine
+    limb: str  # "forearm", "shank" or "leg" of the wearer; "" for a machine that nobody wears
     motion: str  # "rotary" or "prismatic"
     spring: bool  # whether the drive acts through a spring
+
+    @property
+    def worn(self) -> bool:
+        """Whether somebody wears the machine."""
+        return self.limb != ""
 
     @property
     def stops_oscillation(self) -> bool:
@@ -146,8 +164,15 @@ def dataset_study(name: str, folder: Path) -> Path:
     return folder / name
 
 
+def leg_study(folder: Path) -> Path:
+    """Return a study of a heavy hip robot that was proposed from files and identified by the documented commands."""
+    command("init", LEG, "--from", *write_leg_logs(folder / "leg-logs", LEG_LOG_SEED), folder=folder)
+    command("identify", LEG, folder=folder)
+    return folder / LEG
+
+
 class Exports:
-    """The elbow's laws and the default exports of all studies, made once in a folder."""
+    """The elbow's laws, the leg's and the default exports of all studies, made once in a folder."""
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -178,6 +203,22 @@ class Exports:
             self._made[name, instruments] = self._compiled(name, instruments, out, values, self.elbow_constants)
         return self._made[name, instruments]
 
+    @cached_property
+    def leg_study(self) -> Path:
+        """Folder of the leg's identified study."""
+        return leg_study(self.folder)
+
+    def leg(self, instruments: str) -> ExportedLaw:
+        """Return the leg's law as `export` writes it by default, with instruments of `INSTRUMENT_SETS`."""
+        if (LEG, instruments) not in self._made:
+            values, given = values_for(pellucid.open(self.leg_study)), INSTRUMENT_SETS[instruments]
+            values = replace(values, instruments=replace(given, drive_limit=LEG_DRIVE_LIMIT_NM, force_range=math.inf))
+            values = protect_wearer(values)
+            out = write_c_folder(LEG, values, self.folder / f"{LEG}-{instruments}")
+            text = (out / "pellucid_constants.h").read_text(encoding="utf-8")
+            self._made[LEG, instruments] = self._compiled(LEG, instruments, out, values, text)
+        return self._made[LEG, instruments]
+
     def default(self, study: str) -> ExportedLaw:
         """Return the default export of a rig of `RIG_EXPORTS` or of a data set, by the documented command."""
         if (study, "default") not in self._made:
@@ -204,7 +245,7 @@ class Exports:
         return ExportedLaw(
             name, instruments, compile_wearer(folder, self.folder / "objects", kind.header, kind.type,
                                               tuple(sensor.name for sensor in kind.sensors)),
-            numbers, identified, values.uses, worn=name in LAWS or name in ("able-elbow", "knee-orthosis"),
+            numbers, identified, values.uses, LIMBS.get(name, "forearm" if name in LAWS else ""),
             motion=values.motion, spring=kind.drives_spring,
         )  # fmt: skip
 

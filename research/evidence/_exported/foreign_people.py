@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from pellucid.controllers.supervised import PROBE_ANSWER_NAMES
-from pellucid.models.anthropometry import forearm
+from pellucid.models.anthropometry import Segment, forearm
 
-from .exports import ELBOW_DRIVE_LIMIT_NM, PARTICIPANT_HEIGHT_M, PARTICIPANT_MASS_KG, ExportedLaw
+from .exports import ELBOW_DRIVE_LIMIT_NM, LEG_DRIVE_LIMIT_NM, PARTICIPANT_HEIGHT_M, PARTICIPANT_MASS_KG, ExportedLaw
 
 INTERFACE_TEXT = (Path(__file__).parent / "foreign_wearer.hpp").read_text(encoding="utf-8")
 """Text of the header that names the numbers of a run and of its results."""
@@ -169,6 +169,22 @@ DURATIONS_S = (0.45, 1.4)
 GUIDED_DURATIONS_S = (0.9, 2.5)
 """The same for a machine that a hand guides."""
 
+LEG_STRENGTH = 4.5
+"""Strength of a hip, its straps and what hits its leg, relative to an elbow's [1]: muscles of 180 to 270 N m."""
+
+LEG_STIFFNESSES = (60.0, 540.0)
+"""Stiffness of a wearer's hip [N m/rad], from a relaxed one to one that co-contracts with all its force."""
+
+LEG_DURATIONS_S = (0.7, 2.0)
+"""Shortest and longest planned duration of a leg's movement: walking swings the hip by 0.7 rad in 0.4 to 0.6 s."""
+
+LEG_MASS_SHARE, LEG_LENGTH_SHARE, LEG_CENTRE, LEG_GYRATION = 0.161, 0.53, 0.447, 0.56
+"""Mass of a whole leg over the body's, its length over the height, and its centre of mass and radius of gyration from
+the hip over its length [1]. D. A. Winter, "Biomechanics and Motor Control of Human Movement", 4th ed., table 4.1."""
+
+LEG_QUANTA_RAD = (1e-4, 3.84e-4)
+"""Smallest and largest quantum of a leg's encoder: 16 to 14 bits a turn."""
+
 SPRING_GAINS = (0.6, 1.0)
 """Proportional gains of the torque loop about a spring [1]; the knee orthosis has 0.8."""
 
@@ -201,7 +217,8 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
 
     effort, speed, period = numbers["effort_limit"], numbers["velocity_limit"], numbers["period"]
     length = PRISMATIC_SCALE_S * speed if law.motion == "prismatic" else 1.0
-    elbow = law.worn and not law.spring
+    elbow, leg = law.limb == "forearm", law.limb == "leg"
+    strength, drive_strength = (LEG_STRENGTH, LEG_DRIVE_LIMIT_NM / ELBOW_DRIVE_LIMIT_NM) if leg else (1.0, 1.0)
     torque_scale = 10.0 if elbow else effort
     # A knee's law names its orthosis otherwise.
     inertia = known.get("inertia", known.get("orthosis_inertia", 0.0)) * between(PLANT_FACTORS)
@@ -224,18 +241,19 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
     low, high = numbers["position_min"], numbers["position_max"]
     bounded = bool(np.isfinite(low) and np.isfinite(high))
     targets = (low + TARGET_MARGIN_RAD, high - TARGET_MARGIN_RAD) if bounded else (-length, length)
+    durations = LEG_DURATIONS_S if leg else DURATIONS_S if law.worn else GUIDED_DURATIONS_S
     mass, height = between((50.0, 95.0)), between((1.55, 1.92))
     if "muscle" in law.uses and elbow:
         mass, height = PARTICIPANT_MASS_KG, PARTICIPANT_HEIGHT_M
-    body = forearm(mass, height)
+    body = whole_leg(mass, height) if leg else forearm(mass, height)
     limb_inertia, limb_gravity = body.inertia * (1.0 + spread(LIMB_ERROR)), body.gravity() * (1.0 + spread(LIMB_ERROR))
     if law.spring:
         limb_inertia = known["limb_inertia"] * (1.0 + spread(LIMB_ERROR))
         limb_gravity = known["limb_gravity"] * (1.0 + spread(LIMB_ERROR))
-    cuffs = known["strap_stiffness"] * between(PLANT_FACTORS) if law.spring else between(CUFF_STIFFNESSES)
+    cuffs = known["strap_stiffness"] * between(PLANT_FACTORS) if law.spring else strength * between(CUFF_STIFFNESSES)
     upper = between((0.3, 0.7))
-    stiffness = float(np.exp(rng.uniform(*np.log(SERVO_STIFFNESSES))))
-    damping = max(2.0 * between((0.3, 0.8)) * np.sqrt(stiffness * (limb_inertia + inertia)), 0.4)
+    stiffness = float(np.exp(rng.uniform(*np.log(LEG_STIFFNESSES if leg else SERVO_STIFFNESSES))))
+    damping = max(2.0 * between((0.3, 0.8)) * np.sqrt(stiffness * (limb_inertia + inertia)), 0.4 * strength)
     stop_stiffness = inertia * (2.0 * np.pi * 20.0) ** 2
     hand = max(inertia * (2.0 * np.pi * 2.5) ** 2, 3.0 * float(np.hypot(*gravity)) / length, 5.0 * level / length)
     seconds_of_step = period / np.ceil(period * STEP_RATE_HZ)
@@ -271,11 +289,11 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
         "stop_damping": 1.2 * np.sqrt(stop_stiffness * inertia),
         "drive_lag": between(DRIVE_LAGS_S),
         "dead_cycles": float(rng.integers(0, 2)),
-        "drive_limit": ELBOW_DRIVE_LIMIT_NM if elbow else (4.0 if law.spring else 1.5) * effort,
+        "drive_limit": drive_strength * ELBOW_DRIVE_LIMIT_NM if elbow or leg else (4.0 if law.spring else 1.5) * effort,
         "ripple": RIPPLE_SHARE * torque_scale * between((0.0, 1.0)),
         "ripple_waves": 28.0 / length,
         **(spring_drive(known, rng) if law.spring else dict.fromkeys(SPRING_FIELDS, 0.0)),
-        "encoder_quantum": length * between(ENCODER_QUANTA_RAD),
+        "encoder_quantum": length * between(LEG_QUANTA_RAD if leg else ENCODER_QUANTA_RAD),
         "encoder_noise": length * between((0.0, ENCODER_NOISE_RAD)),
         **sensor_errors("force", rng, effort, FORCE_NOISE_SHARE),
         **sensor_errors("current", rng, effort, CURRENT_NOISE_SHARE),
@@ -285,6 +303,8 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
         "emg_lag": between(EMG_LAGS_S),
         "emg_noise": EMG_NOISE,
         "emg_quantum": QUANTUM_SHARE * effort,
+        "strength": strength,
+        "drive_strength": drive_strength,
         "worn": float(law.worn),
         "upper_cuff_stiffness": upper * cuffs,
         "upper_cuff_slack": between((0.0, CUFF_SLACK_RAD)),
@@ -296,22 +316,22 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
         "cuff_damping": between((0.005, 0.02)),
         "limb_inertia": limb_inertia,
         "limb_gravity": limb_gravity,
-        "limb_damping": between((0.05, 0.2)),
+        "limb_damping": strength * between((0.05, 0.2)),
         "servo_stiffness": stiffness,
         "servo_damping": damping,
-        "reflex_stiffness": min(0.2 * stiffness, 3.0) * between((0.0, 1.0)),
-        "reflex_damping": between((0.0, 0.15)),
+        "reflex_stiffness": min(0.2 * stiffness, 3.0 * strength) * between((0.0, 1.0)),
+        "reflex_damping": strength * between((0.0, 0.15)),
         "reflex_delay": between((0.03, 0.06)),
         "activation_lag": between((0.03, 0.05)),
         "learning_time": between((1.0, 4.0)),
         "anticipation": between((0.85, 1.1)),
-        "muscle_limit": between((40.0, 60.0)),
-        "tremor_amplitude": between((0.0, TREMOR_NM)) if law.worn else 0.0,
+        "muscle_limit": strength * between((40.0, 60.0)),
+        "tremor_amplitude": strength * between((0.0, TREMOR_NM)) if law.worn else 0.0,
         "tremor_frequency": between(TREMOR_HZ),
         "target_low": targets[0],
         "target_high": targets[1],
-        "fastest_duration": (DURATIONS_S if law.worn else GUIDED_DURATIONS_S)[0],
-        "slowest_duration": (DURATIONS_S if law.worn else GUIDED_DURATIONS_S)[1],
+        "fastest_duration": durations[0],
+        "slowest_duration": durations[1],
         "longest_pause": 1.2,
         "speed_share": min(WORN_SPEED_SHARE, WORN_SPEED_RAD_S / speed)
         if law.worn
@@ -320,9 +340,9 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
         "impact_interval": 0.0,
         "load_interval": 0.0,
         "load_mass": between(LOAD_MASSES_KG),
-        "load_lever": LOAD_LEVER_M,
+        "load_lever": LEG_LENGTH_SHARE * height if leg else LOAD_LEVER_M,
         "spasm_interval": 0.0,
-        "spasm_torque": between(SPASM_TORQUES_NM),
+        "spasm_torque": strength * between(SPASM_TORQUES_NM),
         "doff_interval": 0.0,
         "hand_stiffness": hand,
         "hand_damping": 1.4 * np.sqrt(hand * inertia),
@@ -349,6 +369,13 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
     if set(made) != set(RUN_FIELDS):
         raise AssertionError(f"a run: found {sorted(set(made) ^ set(RUN_FIELDS))} in one of both lists alone")
     return made
+
+
+def whole_leg(mass: float, height: float) -> Segment:
+    """Return a straight leg about the hip of a person with a `mass` [kg] and a `height` [m]."""
+    length = LEG_LENGTH_SHARE * height
+    own = LEG_MASS_SHARE * mass
+    return Segment(own, LEG_CENTRE * length, own * (LEG_GYRATION * length) ** 2)
 
 
 def spring_drive(known: Mapping[str, float], rng: np.random.Generator) -> dict[str, float]:

@@ -25,6 +25,7 @@ constexpr double brace_s = 0.15, brace_damping = 8.0, brace_limit = 25.0;       
 constexpr double table_stiffness = 400.0, table_damping = 10.0, table_limit = 60.0;   // N m/rad, N m s/rad, N m
 constexpr double stuck_torque = 5.0, wrong_offset = 3.0, rail_force = 30.0, rail_emg = 60.0, triple_limit = 15.0;  // N m
 constexpr double fault_spasm_torque = 15.0, fault_spasm_s = 0.3, sine_frequency_hz = 2.5;
+constexpr double learnt_limit = 15.0;               // of a lasting load [N m]
 constexpr double table_s = 0.4, spasm_least_s = 0.1, spasm_most_s = 0.3;              // durations of mishaps
 constexpr double rest_before_s = 1.5, rest_after_s = 4.0;  // of a wearer whose encoder freezes at rest
 constexpr double felt_s = 0.1;                     // until a wearer reacts to what the arm has hit
@@ -371,7 +372,7 @@ class Simulation {
       felt_at = 0.0;
       stay(event_end + 0.3);
     }
-    if (event == brace) extra -= clamp(brace_damping * limb_velocity, -brace_limit, brace_limit);
+    if (event == brace) extra -= r.strength * clamp(brace_damping * limb_velocity, -brace_limit, brace_limit);
     if (event == impact) extra -= table_way * table(table_way * (limb - table_at), table_way * limb_velocity);
     if (event == load) carried = r.load_mass;
     if (event == spasm) extra += spasm_torque;
@@ -393,7 +394,7 @@ class Simulation {
       askew -= askew * r.period / 0.5;
     }
     if (on) {
-      if (kind == Fault::wearer_spasm && since < fault_spasm_s) extra = odd ? -fault_spasm_torque : fault_spasm_torque;
+      if (kind == Fault::wearer_spasm && since < fault_spasm_s) extra = r.strength * (odd ? -fault_spasm_torque : fault_spasm_torque);
       if (kind == Fault::wearer_blocked) {
         if (begins_now) table_at = limb, table_way = limb_velocity < 0.0 ? -1.0 : 1.0;
         extra -= table_way * table(table_way * (limb - table_at), table_way * limb_velocity);
@@ -408,8 +409,8 @@ class Simulation {
     next_task = std::max(next_task, until);
   }
 
-  static double table(double depth, double speed) {
-    return depth > 0.0 ? clamp(table_stiffness * depth + table_damping * speed, 0.0, table_limit) : 0.0;
+  double table(double depth, double speed) const {
+    return depth > 0.0 ? r.strength * clamp(table_stiffness * depth + table_damping * speed, 0.0, table_limit) : 0.0;
   }
 
   void begin(Event what, double lasts, double& next, double mean) {
@@ -564,10 +565,10 @@ class Simulation {
     switch (kind) {
       case Fault::drive_reversed: case Fault::drive_reversed_at_start: return -asked;
       case Fault::drive_triple: case Fault::drive_triple_unseen: case Fault::drive_triple_at_start:
-        return clamp(3.0 * asked, -triple_limit, triple_limit);
-      case Fault::drive_double: return clamp(2.0 * asked, -triple_limit, triple_limit);
+        return clamp(3.0 * asked, -r.drive_strength * triple_limit, r.drive_strength * triple_limit);
+      case Fault::drive_double: return clamp(2.0 * asked, -r.drive_strength * triple_limit, r.drive_strength * triple_limit);
       case Fault::drive_sine: case Fault::drive_lies: return asked + r.amplitude * std::sin(2.0 * pi * sine_frequency_hz * since);
-      case Fault::drive_stuck: return odd ? -stuck_torque : stuck_torque;
+      case Fault::drive_stuck: return r.drive_strength * (odd ? -stuck_torque : stuck_torque);
       case Fault::drive_holds: return holds;
       case Fault::drive_dead: return 0.0;
       case Fault::drive_late: return then;
@@ -582,7 +583,7 @@ class Simulation {
       case Fault::drive_triple_at_start: case Fault::drive_triple_unseen: return effort / 3.0;
       case Fault::drive_lies: return effort - r.amplitude * std::sin(2.0 * pi * sine_frequency_hz * since);
       case Fault::current_zero: return 0.0;
-      case Fault::current_offset: return effort + (odd ? -wrong_offset : wrong_offset);
+      case Fault::current_offset: return effort + r.drive_strength * (odd ? -wrong_offset : wrong_offset);
       default: return effort;
     }
   }
@@ -616,7 +617,7 @@ class Simulation {
     const double expected = r.anticipation * ((r.limb_gravity + load_gravity) * std::sin(wanted.q) +
                                               (r.limb_inertia + load_inertia) * wanted.a);
     if (strapped > 0.0 || r.worn != 0.0)
-      learnt = clamp(learnt + r.period / r.learning_time * r.servo_stiffness * (wanted.q - limb), -15.0, 15.0);
+      learnt = clamp(learnt + r.period / r.learning_time * r.servo_stiffness * (wanted.q - limb), -r.strength * learnt_limit, r.strength * learnt_limit);
     const double excitation = expected + learnt + r.reflex_stiffness * late_error + r.reflex_damping * late_rate;
     muscle += r.period / (r.activation_lag + r.period) * (excitation - muscle);
     const bool limp = passive || (on && kind == Fault::wearer_faints);

@@ -69,6 +69,8 @@ namespace foreign {
   X(emg_lag, "s", "time constant of EMG's envelope")                                                                   \
   X(emg_noise, "1", "standard deviation of EMG's multiplicative noise before the envelope")                            \
   X(emg_quantum, "N*m", "quantum of EMG")                                                                              \
+  X(strength, "1", "strength of the wearer and of what hits the limb, relative to an elbow's")                         \
+  X(drive_strength, "1", "strength of the drive, relative to an elbow's")                                              \
   X(worn, "1", "1: a limb is strapped on; 0: a hand guides the machine")                                               \
   X(upper_cuff_stiffness, "N*m/rad", "stiffness of the upper cuff at its slack's end")                                 \
   X(upper_cuff_slack, "rad", "whole slack of the upper cuff")                                                          \

@@ -259,13 +259,13 @@ def fault_runs(
             onset = 0.0 if kind.at_start else round(float(rng.uniform(*ONSETS_S)) / base["period"]) * base["period"]
             drawn = float(rng.integers(1, 2**48))
             runs.append({**base, "kind": float(number), "onset": onset, "seconds": WATCH_S, "fault_seed": drawn,
-                         "amplitude": amplitude})  # fmt: skip
+                         "amplitude": amplitude * base["drive_strength"]})  # fmt: skip
             said.append((name, amplitude))
     return runs, said
 
 
 def amplitudes_of(kind: str) -> tuple[float, ...]:
-    """Return the amplitudes with which a fault is tried [N m]; 0 for a fault without one."""
+    """Return the amplitudes with which a fault is tried on an elbow [N m]; 0 for a fault without one."""
     return {"drive_sine": SINE_AMPLITUDES_NM, "drive_lies": SINE_AMPLITUDES_NM[-1:]}.get(kind, (0.0,))
 
 
