@@ -9,6 +9,7 @@
 #include "kernels.hpp"
 #include "laws.hpp"
 #include "number_text.hpp"
+#include "main_movement.hpp"
 #include "read_rows.hpp"
 #include "regression_trees.hpp"
 #include "strap.hpp"
@@ -570,6 +571,7 @@ NB_MODULE(_core, m) {
   b::add_zero_phase(m);
   b::add_number_text(m);
   b::add_read_rows(m);
+  b::add_main_movement(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");
   const auto elementary = [&math](const char* name, double (*in_double)(double), float (*in_float)(float),

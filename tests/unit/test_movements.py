@@ -7,6 +7,7 @@ import pytest
 from made_pointing import minimum_jerk
 
 import pellucid as pl
+from pellucid import _core
 from pellucid._errors import RecordingError
 from pellucid.numerics.motion import moving_samples, tangential_speed
 from pellucid.people.movements import (
@@ -309,3 +310,21 @@ def test_ringing_shrinks_with_the_duration_and_grows_with_the_order():
     assert shares[0] > 0.1 > 0.05 > shares[2]
     assert shares[-1] < 0.01
     assert ringing_share(1.0, MovementRule(order=2)) < ringing_share(1.0, MovementRule(order=8))
+
+
+def test_the_main_movement_ends_at_a_reversal_and_its_rival_lies_across_a_valley():
+    forward, backward, rival = np.hanning(41), -0.5 * np.hanning(21)[1:], 0.9 * np.hanning(31)[1:]
+    velocity = np.concatenate([np.zeros(5), forward, backward, rival, np.zeros(4)])
+    for way in (1.0, -1.0):
+        found = _core.main_movement(way * velocity, 0.05, 0.8, 0.7)
+        peak, start, stop, first, last, has_backward, height, valley = found
+        speed = np.abs(velocity)
+        assert (peak, has_backward) == (25, True)
+        assert (first, last) == tuple(np.flatnonzero(speed > 0.05)[[0, -1]])
+        assert (start, stop) == (first, 5 + np.flatnonzero(forward > 0.05)[-1] + 1)
+        assert (height, valley) == pytest.approx((0.9, -0.5), rel=1e-12)
+    # Without a valley, and for the peak alone, there is no rival.
+    assert _core.main_movement(forward + 0.9 * np.roll(forward, 12), 0.05, 0.8, 0.1)[6:] == (0.0, 1.0)
+    assert _core.main_movement(forward, 0.05, 0.8, 0.7)[1:] == (3, 38, 3, 37, False, 0.0, 1.0)
+    with pytest.raises(ValueError, match="no sample"):
+        _core.main_movement(np.zeros(0), 0.05, 0.8, 0.7)

@@ -55,6 +55,16 @@ class ClockLimits:
 
 CLOCK_LIMITS = ClockLimits()
 
+BLOCK_SAMPLES = 100_000
+"""Time steps are examined in blocks of this size, which saves memory."""
+
+
+def step_range(time: np.ndarray) -> tuple[float, float]:
+    """Return the shortest and the longest step of a time, (n,); NaN without steps, or if a time is missing."""
+    blocks = (np.diff(time[i : i + BLOCK_SAMPLES + 1]) for i in range(0, len(time) - 1, BLOCK_SAMPLES))
+    ends = np.array([(steps.min(), steps.max()) for steps in blocks] or [(np.nan, np.nan)])
+    return float(ends[:, 0].min()), float(ends[:, 1].max())
+
 
 @dataclass(frozen=True)
 class SampleClock:
@@ -142,11 +152,12 @@ def first_deliveries(time: np.ndarray, samples: Mapping[str, np.ndarray]) -> np.
     `time` holds the stamps, (n,) [s], and `samples` every channel, (n,).
     """
     first = np.ones(len(time), dtype=bool)
-    steps = np.diff(time)
-    if not samples or len(time) < 3 or not np.isfinite(steps).all() or np.any(steps < 0.0):
+    shortest, longest = step_range(time)
+    if not samples or len(time) < 3 or not 0.0 <= shortest <= longest < np.inf:
         return first
-    if steps.min() > CLOCK_LIMITS.max_repeat_step_share * steps.max():
+    if shortest > CLOCK_LIMITS.max_repeat_step_share * longest:
         return first  # as below, without a median
+    steps = np.diff(time)
     positive = steps[steps > 0.0]
     if not positive.size or steps.min() > CLOCK_LIMITS.max_repeat_step_share * float(np.median(positive)):
         return first

@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from .._errors import RecordingError
-from .clock import SampleClock, loses_samples_only, sample_clock
+from .clock import BLOCK_SAMPLES, SampleClock, loses_samples_only, sample_clock, step_range
 from .cut import MAX_EVEN_JITTER, MIN_GAP_JITTER_RATIO, MIN_GAP_STEP_RATIO, Cut, sound_samples, spans_between
 from .optical import OpticalRecording
 
@@ -26,10 +26,6 @@ MAXIMAL_PROTOCOL = "mvc"
 
 LOCKED_SPRING_PROTOCOL = "locked_spring"
 """Protocol of a recording in which one end of a spring is locked and the other is driven."""
-
-BLOCK_SAMPLES = 100_000
-"""The time steps of a recording with at least this many samples are examined in blocks of this size, which saves
-memory."""
 
 NEGLIGIBLE_JITTER = 0.01
 """If no time step is off by more than this share, the largest deviation is reported as the jitter. Its percentile is
@@ -261,10 +257,7 @@ class Recording:
         """Shortest and longest time step of a long recording [s]; NaN for a short one, or if a time is missing."""
         if len(self) < BLOCK_SAMPLES:
             return np.nan, np.nan
-        time = self.time  # stored samples are read anew each time
-        blocks = (np.diff(time[i : i + BLOCK_SAMPLES + 1]) for i in range(0, len(time) - 1, BLOCK_SAMPLES))
-        shortest, longest = zip(*((steps.min(), steps.max()) for steps in blocks), strict=True)
-        return float(np.min(shortest)), float(np.max(longest))
+        return step_range(self.time)
 
     @cached_property
     def fs(self) -> float:

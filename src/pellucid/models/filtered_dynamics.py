@@ -215,7 +215,9 @@ def _jumps(motion: FilteredMotion, wanted: Sequence[_Columns]) -> np.ndarray:
     unloaded = [each.vector for each in wanted if not each.loaded]
     if unloaded:
         # One call gives all, for the body's columns without load depend on no vector, nor do those before the last.
-        states = motion.position, velocity, motion.acceleration
+        # Friction alone depends on the velocity alone: a stored motion need not read the others.
+        has_body = any(i in BODY_TERMS for i in terms)
+        states = (motion.position, velocity, motion.acceleration) if has_body else (velocity,) * 3
         columns = _core.inverse_dynamics_jacobian(unloaded[-1], *states, np.array(terms, int))[1]
     else:
         columns = _body_regressor(motion, terms)

@@ -34,11 +34,11 @@ from typing import Literal
 
 import numpy as np
 
+from .. import _core
 from .._errors import RecordingError
 from ..files.optical import OpticalRecording
 from ..numerics.even_times import even_times
 from ..numerics.filters import central_difference, runs, zero_phase_lowpass
-from ..numerics.motion import tangential_speed
 from ..units import COORDINATES_BY_UNIT
 
 
@@ -335,25 +335,19 @@ def _movement(
         return NoMovement(stretch, kind, moved, f"{along.factor * abs(stretch.amplitude):.3g} {along.shown}")
     low, high = _own_samples(motion, low, high, direction, following, rule)
     velocity = motion.velocity[low:high]
-    speed = tangential_speed(velocity)
-    peak = int(speed.argmax()) if len(speed) else 0
-    top = float(speed[peak]) if len(speed) else 0.0
-    if top <= 0.0:
+    if low >= high or not velocity.any():
         return NoMovement(stretch, "still", "no motion", "a movement")
+    shares = rule.threshold, MOVEMENT_BOUNDS.min_rival_peak_share, MOVEMENT_BOUNDS.max_valley_share
+    peak, *main_ends, first, last, has_backward, second, valley = _core.main_movement(velocity, *shares)
+    main, speed = slice(*main_ends), np.abs(velocity)
     ahead = velocity if velocity[peak] > 0.0 else -velocity
-    # A reversal passes through rest, whether or not a sample lies there.
-    outside = np.flatnonzero((speed <= rule.threshold * top) | (ahead <= 0.0))
-    after = int(outside.searchsorted(peak))
-    main = slice(
-        int(outside[after - 1]) + 1 if after else 0, int(outside[after]) if after < len(outside) else len(speed)
-    )
-    seen = speed
-    if rule.ends == "all":
+    top, seen = float(speed[peak]), speed
+    if rule.ends != "all":
+        first, last = main.start, main.stop - 1
+    elif has_backward:
         seen = _without_ringing(speed, ahead, main, motion, low, rule)
         moving = np.flatnonzero(seen > rule.threshold * top)
         first, last = int(moving[0]), int(moving[-1])
-    else:
-        first, last = main.start, main.stop - 1
     n = int(np.count_nonzero(motion.lost[low + first : low + last + 1]))
     if n:
         return NoMovement(stretch, "lost", f"{n} missing samples in a movement", "an angle throughout")
@@ -364,11 +358,10 @@ def _movement(
         lasted = (last - first) / motion.fs
         found = f"{share:.0f} % of the largest speed at its end"
         return NoMovement(stretch, "unfinished", found, "a rest after it", lasted)
-    # A correction backwards is no second movement, however fast it is.
-    second, valley = _rival(ahead, peak)
     if peak in (0, len(speed) - 1):
         return NoMovement(stretch, "no_peak", "the largest speed at its border", "a speed that rises and falls")
     if second > MOVEMENT_BOUNDS.min_rival_peak_share and valley < MOVEMENT_BOUNDS.max_valley_share:
+        # A correction backwards is no second movement, however fast it is.
         said = f"a second peak of {100 * second:.0f} % with {100 * valley:.0f} % in between"
         return NoMovement(stretch, "no_peak", said, "one clear peak of the speed")
     duration, rest = (last - first) / motion.fs, (high - 1 - low - last) / motion.fs
@@ -417,8 +410,6 @@ def _without_ringing(
     """
     top = float(speed[main].max())
     back = (ahead < 0.0) & (speed > rule.threshold * top)
-    if not back.any():
-        return speed
     fs = motion.fs
     limit = MOVEMENT_BOUNDS.ringing_margin * ringing_share((main.stop - 1 - main.start) / fs * rule.lowpass, rule)
     if limit <= rule.threshold:
@@ -497,26 +488,6 @@ def _told_of_loss(motion: Kinematics, none: NoMovement) -> NoMovement:
     if not n or none.kind == "lost":
         return none
     return NoMovement(none.stretch, "lost", f"{n} missing samples around a movement", "an angle throughout")
-
-
-def _rival(speed: np.ndarray, peak: int) -> tuple[float, float]:
-    """Return height and valley of the highest other local maximum, relative to the peak; 0 and 1 without one.
-
-    Only maxima across a valley below `max_valley_share` count.
-    """
-    rises = speed[1:] >= speed[:-1]
-    inner = np.flatnonzero(rises[:-1] > rises[1:]) + 1
-    if len(inner) == 1 and inner[0] == peak:
-        return 0.0, 1.0
-    inner = inner[(speed[inner] / speed[peak] > MOVEMENT_BOUNDS.min_rival_peak_share) & (inner != peak)]
-    best, valley = 0.0, 1.0
-    for other in inner:
-        low, high = sorted((other, peak))
-        between = float(speed[low : high + 1].min() / speed[peak])
-        height = float(speed[other] / speed[peak])
-        if between < MOVEMENT_BOUNDS.max_valley_share and height > best:
-            best, valley = height, between
-    return best, valley
 
 
 MIN_HORIZONTAL_SHARE = 0.1

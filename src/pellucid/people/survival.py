@@ -61,11 +61,8 @@ def survival(duration: np.ndarray, ended: np.ndarray, confidence: float = 0.95) 
         raise PellucidError(
             f"survival: found durations {duration.shape} and ends {ended.shape}, expected equal shapes (n,)"
         )
-    time = np.unique(duration[ended])
+    time, ends = np.unique(duration[ended], return_counts=True)
     going = len(duration) - np.searchsorted(np.sort(duration), time)
-    ends = np.searchsorted(np.sort(duration[ended]), time, side="right") - np.searchsorted(
-        np.sort(duration[ended]), time
-    )
     share = np.cumprod(1.0 - ends / going)
     inner = (share > 0.0) & (share < 1.0)
     summed = np.cumsum(np.divide(ends, going * (going - ends), out=np.zeros(len(time)), where=going > ends))

@@ -28,7 +28,7 @@ from ..files.optical import AXES, OpticalRecording
 from ..files.pieces import pieces_between_cuts
 from ..files.readers.read import find_lost_end
 from ..files.recording import MAXIMAL_PROTOCOL, Channel, Payload, Recording, trim_missing_ends, within_streams
-from ..files.stored_channels import ChannelStore, SourcedChannel
+from ..files.stored_channels import MAX_HELD_BYTES, ChannelStore, SourcedChannel
 from ..units import contradicts_unit
 from .find_defects import find_cuts, regressed_joints, watched_part
 
@@ -655,7 +655,10 @@ def _to_si(stored: np.ndarray, spec: ChannelSpec, less: np.ndarray | None = None
         values = values * (spec.sign * spec.scale)
     if less is not None:
         values = values - spec.sign * (spec.minus.scale or spec.scale) * _decode_counts(less, spec)
-    values = np.array(values) if values is stored else values
+    is_changed = spec.offset or spec.si_factor != 1.0 or spec.si_offset or spec.wrap is not None
+    # Columns that are kept are mapped into memory. Only the long ones are used so: each mapping has a file descriptor.
+    if values is stored and (is_changed or stored.flags.writeable or stored.nbytes <= MAX_HELD_BYTES):
+        values = np.array(values)
     if spec.offset:
         values += spec.offset
     if spec.si_factor != 1.0:

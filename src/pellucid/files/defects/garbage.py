@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..clock import step_range
+
 KIND = "garbage"
 
 MAX_SANE_MAGNITUDE = 1e9
@@ -150,8 +152,8 @@ def _block(bad: np.ndarray, edge: int) -> int:
 
 def _is_even(time: np.ndarray) -> bool:
     """Return whether no step of a time, (n,), is wrong: the shortest advances, the longest is no gap."""
-    steps = np.diff(time)
-    return len(steps) > 0 and 0.0 < float(steps.max()) <= MIN_TIME_STEP_RATIO * float(steps.min())
+    shortest, longest = step_range(time)
+    return 0.0 < longest <= MIN_TIME_STEP_RATIO * shortest
 
 
 def _rows_beyond_a_reset(time: np.ndarray, edge: int) -> np.ndarray:

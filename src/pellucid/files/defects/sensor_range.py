@@ -141,7 +141,8 @@ def sensor_ends(effort: np.ndarray, positions: Sequence[np.ndarray], rate: float
     if prepared is None:
         return ()
     tried = [(sign, share) for sign in (1.0, -1.0) for share in RANGE_LIMITS.core_shares]
-    told = {each: found for each in tried if (found := _regression(each[0], prepared, each[1])) is not None}
+    found = {each: _regression(each[0], prepared, each[1]) for each in tried}
+    told = {(s, share): f for (s, share), f in found.items() if f is not None and _exceeds_plateau(s, prepared, f[0])}
     ends: dict[float, SensorEnd] = {}
     for (sign, share), beyond in _samples_beyond(prepared, told).items():
         if sign not in ends and beyond >= RANGE_LIMITS.min_beyond_samples:
@@ -242,8 +243,11 @@ def _regression(sign: float, of: _Prepared, share: float) -> tuple[np.ndarray, f
     The regression leaves out the largest efforts of one `sign` and of the other. None where it explains too little.
     """
     bound, top = (1.0 - share) * of.half, of.top[sign]
-    core = of.usable & (sign * of.recorded < top - bound) & (sign * of.recorded > top - 2.0 * of.half + bound)
-    if core.sum() < max(RANGE_LIMITS.min_samples // 2, RANGE_LIMITS.min_core_share * of.usable.sum()):
+    low, high = sorted((sign * (top - 2.0 * of.half + bound), sign * (top - bound)))
+    core = of.usable & (of.recorded > low)
+    core &= of.recorded < high
+    least = RANGE_LIMITS.min_core_share * np.count_nonzero(of.usable)
+    if np.count_nonzero(core) < max(RANGE_LIMITS.min_samples // 2, least):
         return None
     values, error, variance = _fit(of, core)
     if not error**2 <= (1.0 - RANGE_LIMITS.min_explained_share) * variance:
@@ -253,7 +257,8 @@ def _regression(sign: float, of: _Prepared, share: float) -> tuple[np.ndarray, f
 
 def _fit(of: _Prepared, fitted: np.ndarray) -> tuple[np.ndarray, float, float]:
     """Return the factors of the columns that fit the samples in a mask best, their error (RMS) and the variance."""
-    rows = np.flatnonzero(fitted)[:: max(1, int(fitted.sum()) // RANGE_LIMITS.max_fitted_rows)]
+    rows = np.flatnonzero(fitted)
+    rows = rows[:: max(1, len(rows) // RANGE_LIMITS.max_fitted_rows)]
     matrix = of.columns(rows)
     scale = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
     values = np.linalg.lstsq(matrix / scale, of.recorded[rows], rcond=1e-8)[0] / scale
@@ -294,6 +299,18 @@ def _samples_beyond(
     return dict(zip(told, counts.tolist(), strict=True))
 
 
+def _exceeds_plateau(sign: float, of: _Prepared, values: np.ndarray) -> bool:
+    """Return whether the motion needs more than the range in enough of the few samples at its end of a `sign`.
+
+    It rejects nearly every regression before all samples of a long recording are predicted.
+    """
+    top, step = of.top[sign], RANGE_LIMITS.block_samples
+    at_end = np.flatnonzero(of.usable & (sign * of.recorded >= top - 2.0 * RANGE_LIMITS.plateau_share * of.half))
+    parts = (at_end[i : i + step] for i in range(0, len(at_end), step))
+    beyond = sum(np.count_nonzero(sign * (of.columns(rows) @ values) > top) for rows in parts)
+    return beyond >= RANGE_LIMITS.min_plateau_beyond_share * len(at_end)
+
+
 def _end(
     sign: float, of: _Prepared, share: float, rate: float, told: tuple[np.ndarray, float]
 ) -> SensorEnd | None:
@@ -304,9 +321,6 @@ def _end(
     beyond = (sign * predicted > top + margin) & usable
     least = RANGE_LIMITS.min_recorded_share
     if np.mean(sign * recorded[beyond] >= top - (1.0 - least) * half) < least:
-        return None
-    at_end = usable & (sign * recorded >= top - 2.0 * RANGE_LIMITS.plateau_share * half)
-    if np.mean(sign * predicted[at_end] > top) < RANGE_LIMITS.min_plateau_beyond_share:
         return None
     spread = predicted[beyond] - predicted[beyond].mean()
     slope = float(spread @ recorded[beyond]) / max(float(spread @ spread), np.finfo(float).tiny)
