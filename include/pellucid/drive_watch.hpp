@@ -25,6 +25,9 @@
 //
 // One reading alone that is outside is a disturbed measurement, no drive: what it would add waits for the next one to agree.
 // A reading beyond what the drive can give is none.
+//
+// Drive and measurement together read `answer` times the command where both are right, as a commissioning found. It is
+// divided by that before anything is compared.
 #pragma once
 
 #include "fields.hpp"
@@ -36,7 +39,7 @@ inline namespace PELLUCID_ABI {
 template <class S> struct DriveWatchParams {
   std::uint32_t expected = 0, cycles = 4;
   S tolerance = S(std::numeric_limits<S>::infinity()), relative = S(0.15), limit = tolerance,
-    surplus = tolerance, late{}, gain{}, offset{}, forget{}, inertia{};
+    surplus = tolerance, late{}, gain{}, offset{}, forget{}, inertia{}, answer = S(1);
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.expected, {"drive_expected", unit::one, between(0, 1),
@@ -58,6 +61,7 @@ template <class S> struct DriveWatchParams {
                      "share of the surplus that is forgotten in a period; 0: none"});
     visit(p.inertia, {"drive_inertia", unit::inertia, at_least(0),
                       "largest inertia that its torque loop leaves; the second encoder is then its own. 0: none"});
+    visit(p.answer, {"drive_answer", unit::one, above(0), "its measurement over the effort asked for, of a right drive"});
   }
 };
 
@@ -89,6 +93,9 @@ template <class S> S may_stray(const DriveWatchParams<S>& p, const DriveWatchSta
   const S asked = clamp(s.asked, -p.limit, p.limit);
   return p.tolerance + p.relative * abs(asked) + max(abs(s.asked - s.asked_before), abs(asked - s.due));
 }
+
+/// Return the effort that a reading stands for, as it was asked for [N m].
+template <class S> S given_of(const DriveWatchParams<S>& p, const S& reading) noexcept { return reading / p.answer; }
 
 /// Whether the drive can give what its measurement says; a measurement of more is none.
 template <class S> bool can_give(const DriveWatchParams<S>& p, const S& given) noexcept {

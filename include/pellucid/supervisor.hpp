@@ -452,9 +452,10 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   follow_drive(c, s, back.joint);
   found = first_of(found, compare(c, s, samples.position, back.joint));
   if (p.drive.expected != 0) {
-    const bool heard = is_new(s.drive_seen, back.drive) && can_give(p.drive, back.drive.value);
-    if (heard) found = first_of(found, step(c.delay, s.delay, s.drive.asked, back.drive.value));
-    found = first_of(found, step(p.drive, s.drive, back.drive.value, velocity_of_drive(c, s), c.period, heard));
+    const S given = given_of(p.drive, back.drive.value);
+    const bool heard = is_new(s.drive_seen, back.drive) && can_give(p.drive, given);
+    if (heard) found = first_of(found, step(c.delay, s.delay, s.drive.asked, given));
+    found = first_of(found, step(p.drive, s.drive, given, velocity_of_drive(c, s), c.period, heard));
   }
   const Mode now = mode_of(s);
   const bool carries = now == Mode::running || now == Mode::degraded;
@@ -647,6 +648,8 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
     // What a hold needs is in doubt now, or it does not hold.
     if (before == Mode::damped_stop && (runs_away || (doubt != SafetyFault::none && response(c, doubt) == Mode::zero)))
       enter(c, state, doubt, Mode::zero);
+    // The change of the position while nothing was heard is no velocity.
+    if (!heard) state.encoder = {};
     if (s.controller.fault != SafetyFault::none)
       for (SampleState& seen : s.controller.seen) seen = {};
     found = doubt;

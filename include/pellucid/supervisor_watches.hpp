@@ -112,12 +112,13 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
   const bool has_joint = p.joint_expected != 0 && s.joint_started && is_heard(w.read.position) && is_heard(w.back.joint);
   const S apart = has_joint ? w.read.position.value - w.back.joint.value - s.joint_offset : S(0);
 
-  const bool drive_speaks = is_heard(w.back.drive) && w.back.drive.sequence != w.before.drive_seen && can_give(p.drive, w.back.drive.value);
+  const S given = given_of(p.drive, w.back.drive.value);
+  const bool drive_speaks = is_heard(w.back.drive) && w.back.drive.sequence != w.before.drive_seen && can_give(p.drive, given);
   const bool drive_watches = p.drive.expected != 0;
   DriveWatchState<S> drive = w.before.drive;
-  if (drive_watches && drive_speaks) account(p.drive, drive, w.back.drive.value, velocity_of_drive(w.c, s), w.c.period);
+  if (drive_watches && drive_speaks) account(p.drive, drive, given, velocity_of_drive(w.c, s), w.c.period);
   const S asked = clamp(w.before.drive.asked, -p.drive.limit, p.drive.limit);
-  const S strays = drive_speaks ? w.back.drive.value - asked : S(0);
+  const S strays = drive_speaks ? given - asked : S(0);
   const S allowed = may_stray(p.drive, drive);
   const SeenLateness<S> lateness = seen_lateness(w.c.delay, s.delay);
   const bool is_outside = drive_watches && !(size(strays) <= allowed);

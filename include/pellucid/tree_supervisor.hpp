@@ -389,9 +389,10 @@ TreeFault observe(TreeSupervised<L>& s, const TreeSamples<S, N>& samples, const 
     const DriveWatchParams<S>& drive = c.joint[k].params.drive;
     if (drive.expected == 0) continue;
     const bool heard = is_new(state.joint[k].drive_seen, back.drive[k]);
+    const S given = given_of(drive, back.drive[k].value);
     if (heard && (state.steps & 1u) != 0)
-      say(step(c.joint[k].delay, state.joint[k].delay, state.joint[k].drive.asked, back.drive[k].value), k);
-    say(step(drive, state.joint[k].drive, back.drive[k].value, turned[k], c.period, heard), k);
+      say(step(c.joint[k].delay, state.joint[k].delay, state.joint[k].drive.asked, given), k);
+    say(step(drive, state.joint[k].drive, given, turned[k], c.period, heard), k);
   }
   if (!(abs(power) <= c.whole.power)) say(SafetyFault::power, n);
   if ((state.steps & 1u) == 0) return first;
@@ -656,6 +657,11 @@ TreeSupervisorOutput<S, N> step(TreeSupervised<L>& s, const TreeSamples<S, N>& r
   } else {
     const bool runs_away = voted(state.waited).held > 20 && found.fault == SafetyFault::overspeed;
     if (mode_of(state) == Mode::damped_stop && runs_away) enter(state, found, Mode::zero);
+    // The change of a position while nothing was heard is no velocity.
+    for (std::size_t k = 0; k < n; ++k) {
+      SampleState fresh;
+      if (examine(law.gate.joint[k].rules, fresh, read.position[k], now) != SafetyFault::none) state.joint[k].encoder = {};
+    }
     if (front.fault != SafetyFault::none) forget_samples(s.controller);
   }
   if (mode_of(state) == Mode::start_up) {

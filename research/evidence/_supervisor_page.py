@@ -46,6 +46,8 @@ INSTRUMENT_TITLES: Mapping[str, str] = {
     "drive_measured_and_probe": "Exports with a drive measurement and a probe",
     "blind": "Exports without a drive measurement and without a probe (baseline)",
     "knee-orthosis": "Default export of a knee orthosis with a series spring",
+    "worn-leg_drive_measured": "Worn leg of 44 N·m with a drive measurement",
+    "worn-leg_unmeasured": "Worn leg of 44 N·m without a drive measurement (default export)",
     "arm": "Arm of four joints with a second encoder at each joint",
     "arm_one_encoder": "Arm of four joints with one encoder at each joint",
     "lab_elbow": "Elbow of the virtual lab, exact instruments",

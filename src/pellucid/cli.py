@@ -713,6 +713,7 @@ def commission(
     ] = None,
     participant: Annotated[str | None, typer.Option(metavar="NAME", help="Wearer of the robot.")] = None,
     slider: Annotated[float | None, typer.Option(metavar="M", help="Position of the carriage [m].")] = None,
+    period: Annotated[float | None, typer.Option(metavar="S", help="Period of the controller [s].")] = None,
     wearer: Annotated[
         bool, typer.Option("--wearer/--no-wearer", help="Whether somebody wears the robot for the answers.")
     ] = True,
@@ -735,7 +736,7 @@ def commission(
         tell("starting the robot" if not (log or files) else "reading the starts", 0.2)
         done = run(
             study, logs=[*(log or []), *(files or [])], worn_logs=worn or [], robot=robot, controller=controller,
-            participant=participant, slider=slider, wearer=wearer, gain_checked=gain_checked,
+            participant=participant, slider=slider, period=period, wearer=wearer, gain_checked=gain_checked,
             ask=lambda text: typer.prompt(text, default="", show_default=False),
         )  # fmt: skip
     console = make_console()

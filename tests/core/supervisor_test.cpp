@@ -382,6 +382,48 @@ template <class S> void resets() {
   check(p::faults_of(rig.law.state) == 3 && p::logged(rig.law.state, 2).fault == F::stopped, "the log outlives a reset");
 }
 
+/// A drive whose measurement reads more than the command, as at its commissioning, adds no energy; one that then reads as
+/// much as the command has changed.
+template <class S> void knows_the_drives_answer() {
+  p::SupervisorParams<S> r = rules<S>();
+  r.drive.surplus = S(0.02);
+  for (const S answer : {S(1.25), S(1)}) {
+    r.drive.answer = answer;
+    Rig<S> rig(r);
+    for (int k = 0; k < 3000 && rig.out.fault == F::none; ++k) {
+      rig.speed = S(0.4) * p::sin(S(3e-3) * static_cast<S>(k));
+      rig.read();
+      rig.back.drive.value = S(1.25) * rig.law.state.output;
+      rig.step();
+    }
+    check(rig.out.fault == (answer > S(1) ? F::none : F::drive_effort), "what it read at its commissioning");
+  }
+}
+
+/// A joint that sank while its encoder was silent, and then rests, has no frozen encoder: the change over that
+/// gap is no velocity.
+template <class S> void resets_after_a_gap() {
+  for (const bool repeats : {false, true}) {
+    for (const int gap : {200, 1500}) {
+      Rig<S> rig;
+      rig.speed = S(0);
+      rig.run(300);
+      const p::Sample<S> last = rig.in.position;
+      for (int k = 0; k < gap; ++k) {
+        rig.read();
+        if (repeats) rig.in.position = last;
+        else rig.in.position.valid = false;
+        rig.step();
+      }
+      check(rig.out.fault == (repeats ? F::stale : F::not_finite) && !rig.out.enable, "a silent encoder stops");
+      rig.place = rig.place - S(0.3);
+      rig.token = rig.out.challenge;
+      rig.run(400);
+      check(rig.out.mode == M::running, "at rest it can be reset");
+    }
+  }
+}
+
 /// Without power a wearer carries the robot, whose weight is then no fault that keeps an operator from a reset.
 template <class S> void rests_on_the_wearer() {
   p::SupervisorParams<S> r = rules<S>();
@@ -477,6 +519,8 @@ template <class S> void all() {
   degrades<S>();
   resets<S>();
   rests_on_the_wearer<S>();
+  knows_the_drives_answer<S>();
+  resets_after_a_gap<S>();
   holds<S>();
   start_up<S>(S(1), F::none);
   start_up<S>(S(-1), F::polarity);

@@ -142,6 +142,9 @@ void drives() {
     shows(m, "drive_outside", 4, 4);
   }
   shows(m, "drive_silence", 0, 4);
+  Made twice = m;
+  twice.params.drive.answer = 2, twice.back.drive.value = 6, twice.make();
+  shows(twice, "drive_difference", 1, 1);
   m.back.drive.sequence = 4;  // seen before
   check(!watches(m, "drive_difference"), "seen before");
   shows(m, "drive_outside", 0, 4);

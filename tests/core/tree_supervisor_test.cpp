@@ -887,6 +887,50 @@ void start_up() {
   }
 }
 
+/// The change of a position while its encoder was silent, of whichever joints, is no velocity that then freezes.
+void resets_after_a_gap() {
+  Rules r = rules();
+  for (auto& one : r.joint) one.encoder.freeze_speed = 0.5;
+  for (const bool repeats : {false, true}) {
+    for (const std::size_t silent : {std::size_t{1}, joints}) {
+      Rig rig(r);
+      rig.run(100);
+      const Samples last = rig.in;
+      for (int i = 0; i < 200; ++i) {
+        rig.read();
+        for (std::size_t k = 0; k < joints; ++k) {
+          if (silent != joints && k != silent) continue;
+          if (repeats) rig.in.position[k] = last.position[k];
+          else rig.in.position[k].valid = false;
+        }
+        rig.step();
+      }
+      check(p::is_stopped(rig.mode()), "a silent encoder stops");
+      for (std::size_t k = 0; k < joints; ++k)
+        if (silent == joints || k == silent) rig.place[k] -= 0.3;
+      rig.run(40);
+      rig.back.token = rig.out.challenge;
+      rig.run(40);
+      check(rig.mode() == M::running, "at rest it can be reset");
+    }
+  }
+}
+
+/// Each drive is held to what it read at its commissioning.
+void knows_the_drives_answers() {
+  Rules r = rules();
+  for (auto& one : r.joint) one.drive.expected = 1, one.drive.tolerance = 0.5, one.drive.answer = 1.5;
+  for (const S reads : {1.5, 1.0}) {
+    Rig rig(r);
+    rig.run(10);
+    for (auto& one : rig.state().joint) one.drive.asked = one.drive.asked_before = one.drive.due = 4;
+    rig.read();
+    for (auto& drive : rig.back.drive) drive.value = reads * 4;
+    p::observe(rig.law, rig.in, rig.back);
+    for (const auto& one : rig.state().joint) check((one.drive.outside == 0) == (reads == 1.5), "as it then read");
+  }
+}
+
 /// A wave at start-up stays within its joint's limits of effort and rate, whatever is left of other efforts.
 void waves_within_limits() {
   Rules r = rules();
@@ -1432,6 +1476,8 @@ int main() {
   memory();
   power();
   bits_of_a_doubt();
+  resets_after_a_gap();
+  knows_the_drives_answers();
   waves_within_limits();
   lost_while_stopped();
   starts_of_broken_memory();

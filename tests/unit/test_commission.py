@@ -15,8 +15,18 @@ from typer.testing import CliRunner
 import pellucid
 from pellucid._errors import PellucidError
 from pellucid.cli import app
-from pellucid.controllers.commissioning import Answers, DriveCheck, StartLog, answers, drive_check, record_starts
+from pellucid.controllers.commissioning import (
+    Answers,
+    DriveCheck,
+    StartLog,
+    answers,
+    drive_check,
+    drive_reading,
+    record_starts,
+)
 from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.export.controller_values import protect_wearer
+from pellucid.controllers.export.export import values_for
 from pellucid.controllers.instruments import Instruments
 from pellucid.controllers.study import commission as commission_module
 from pellucid.controllers.study.commission import Commissioning, read_starts, state_answers, with_keys
@@ -37,6 +47,16 @@ def law(**instruments):
     given = ControlLaw("joint", LAWS["joint"].defaults | NUMBERS)
     body = dict.fromkeys(("gravity_cosine", "offset"), 0.0) | {"inertia": 0.05, "gravity_sine": 1.5, "coulomb": 0.2}
     return supervised(given, instruments=Instruments(probe=True, **instruments), body=body)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("commissioned") / "bench"
+    pellucid.init(folder, rig="bench-joint")
+    pellucid.simulate(folder)
+    study = pellucid.open(folder)
+    pellucid.identify(study).save(study)
+    return study
 
 
 @pytest.mark.parametrize("index", range(4))
@@ -121,6 +141,33 @@ def test_an_answer_holds_for_the_wave_that_gave_it():
     assert law(start_up_answer=0.02).supervision["test_most"] == known["test_most"]
 
 
+def test_an_answer_of_the_probe_holds_for_the_windows_that_gave_it():
+    """Longer windows have waves of other frequencies, and a robot answers these otherwise."""
+    answer = (1.0, 0.0, 2.0, 0.0, 3.0, 0.0)
+    own = law().supervision["probe_samples"] * NUMBERS["period"]
+    assert law(probe_answer=answer, probe_window=own).supervision["probe_answer_high_real"] == 3.0
+    assert law(probe_answer=answer).supervision["probe_answer_error"] == (0.1 if own == 0.12 else 0.0)
+    assert law(probe_answer=answer, probe_window=1.2 * own).supervision["probe_answer_error"] == 0.0
+
+
+def test_a_loop_of_another_rate_is_commissioned_with_its_period(bench, tmp_path):
+    """A log of a controller at 500 Hz was refused, and nothing told how to state its period."""
+    values = values_for(bench, period=0.002)
+    slow = protect_wearer(values, unmeasured=True).supervised
+    starts = record_starts(virtual_robot(bench.folder)(False, 0.002), slow, 10, worn=False)
+    files = []
+    for k, start in enumerate(starts):
+        files.append(tmp_path / f"start{k}.csv")
+        columns = np.column_stack([start.time, start.position, start.effort, *start.others.values()])
+        header = ",".join(("time", "position", "effort", *start.others))
+        np.savetxt(files[-1], columns, "%.9g", ",", header=header, comments="")
+    with pytest.raises(PellucidError, match=r"period of 0.001 s: log one row each period, or give --period"):
+        pellucid.commission(bench, logs=files)
+    done = pellucid.commission(bench, logs=files, period=0.002)
+    assert done.drive.is_right
+    assert "--period 0.002" in done.answer.next_command
+
+
 def test_starts_that_move_nothing_are_refused():
     still = StartLog("s", 1e-3 * np.arange(300), np.zeros(300), np.zeros(300))
     with pytest.raises(PellucidError, match="found 0 starts in which an effort moves the joint, expected at least 3"):
@@ -149,6 +196,79 @@ def test_a_virtual_robot_is_commissioned():
     commissioned = law(start_up_answer=told.start_up, probe_answer=told.probe)
     again = record_starts(VirtualRobot(JOINT, worn=True, period=1e-3), commissioned, 1, worn=True)
     assert np.abs(again[0].effort[-500:]).max() > 0.1
+
+
+def read_late(effort, *, reads, lag, offset):
+    """Return the measurement of a drive with a `lag` [periods], one period after the command."""
+    read, given = np.empty_like(effort), 0.0
+    for k, asked in enumerate(effort):
+        read[k] = reads * given + offset
+        given = asked + math.exp(-1.0 / lag) * (given - asked)
+    return read
+
+
+@pytest.mark.parametrize("lag", [1.0, 3.5])
+@pytest.mark.parametrize("reads", [1.13, 0.9])
+def test_what_a_drives_measurement_reads_does_not_depend_on_its_lag(reads, lag):
+    robot = replace(draw_robot(0, 3), rotor_share=0.0)
+    starts = [play_start(robot, 0, k, 3) for k in range(5)]
+    read = [replace(s, others={"drive": read_late(s.effort, reads=reads, lag=lag, offset=0.1)}) for s in starts]
+    assert drive_reading(read) == pytest.approx(reads, rel=0.005)
+    with pytest.raises(PellucidError, match=r"found no column drive, expected .* study\.toml states"):
+        drive_reading(starts)
+
+
+@dataclass(frozen=True)
+class StrongRobot:
+    """A virtual robot whose drive gives more than it is asked for, and measures that."""
+
+    robot: VirtualRobot
+    gain: float
+    sensor: float
+
+    def read(self):
+        time, said = self.robot.read()
+        return time, {**said, "drive": self.sensor * said["drive"]}
+
+    def write(self, effort, enable):
+        self.robot.write(self.gain * effort, enable=enable)
+
+
+def swing(safe, reads):
+    """Return the fault of a joint that somebody swings, whose drive reads so much of its command."""
+    played = safe.changed(test_effort=0.0, wearer_torque=math.inf, wearer_push=math.inf, ringing_limit=math.inf).start()
+    drive, speed = 0.0, 0.5 * safe.values["velocity_limit"]
+    for k in range(20_000):
+        drive = reads * played.step(1e-3 * k, 0.5 * math.sin(2e-3 * speed * k), drive=drive)
+    return played.fault
+
+
+@pytest.mark.parametrize(("gain", "sensor"), [(1.11, 1.02), (0.9, 0.97), (1.0, 1.0)])
+def test_a_drive_that_commissioning_accepts_stops_nobody(tmp_path, gain, sensor):
+    """The energy that a drive adds to its command was held to the error of its measurement alone."""
+    pellucid.init(tmp_path / "bench", rig="bench-joint")
+    pellucid.simulate(tmp_path / "bench")
+    study = pellucid.open(tmp_path / "bench")
+    pellucid.identify(study).save(study)
+    make = virtual_robot(tmp_path / "bench")
+    done = pellucid.commission(study, robot=StrongRobot(make(False, 1e-3), gain, sensor), wearer=False)
+    assert done.written[0] == "drive_answer"
+    assert done.drive.reading == pytest.approx(gain * sensor, rel=0.005)
+    assert f"drive_answer: measured effort {done.drive.reading:.3f} times the command" in done.lines()
+    values = values_for(pellucid.open(tmp_path / "bench"))
+    safe = protect_wearer(values, place="bench").supervised
+    assert safe.supervision["drive_answer"] == pytest.approx(gain * sensor, rel=0.005)
+    assert swing(safe, gain * sensor) == "none"
+    assert swing(safe.changed(drive_answer=1.0), gain * sensor) == ("drive_effort" if gain > 1.0 else "none")
+    assert swing(safe, 1.12 * gain * sensor) == "drive_effort"
+
+
+@pytest.mark.parametrize("gain", [1.0, math.nan])
+def test_a_measurement_that_contradicts_the_motion_is_named(gain):
+    found = DriveCheck(1, gain, 0.01, 1e-3, 10, reading=0.333)
+    done = Commissioning("logs", found, Answers(None, np.nan, None, 0, 10), (), "arm", gain_checked=math.isnan(gain))
+    assert (done.answer.badge, done.answer.reason) == ("No", "its measurement reads 0.333 times the command")
+    assert DriveCheck(1, 1.13, 0.01, 1e-3, 10, reading=1.2).is_read_right
 
 
 def test_one_worn_start_leaves_the_start_up_answer_to_the_empty_robot():
@@ -208,10 +328,11 @@ def test_answers_are_written_with_their_spread(tmp_path):
     path = tmp_path / "study.toml"
     text = '[rig]\nmotion = "rotary"\n\n[rig.instruments]\nprobe = true\nprobe_answer = [1, 2]\n\n[channels]\n'
     path.write_text(text)
-    found = Answers(0.02, 0.001, (1.0, 0.0, 2.0, 0.0, 3.0, 0.0), 40, 10, wave=2.0)
-    assert state_answers(path, found) == ("start_up_answer", "start_up_wave", "probe_answer")
+    found = Answers(0.02, 0.001, (1.0, 0.0, 2.0, 0.0, 3.0, 0.0), 40, 10, wave=2.0, window=0.12)
+    assert state_answers(path, found) == ("start_up_answer", "start_up_wave", "probe_answer", "probe_window")
     text = path.read_text()
     assert text.count("probe_answer") == 1
+    assert 'probe_window = "0.12 s"' in text
     assert "standard deviation 0.001 J" in text
     assert text.index("start_up_answer") < text.index("[channels]")
     assert with_keys("[rig]\n", "[rig.instruments]", {"probe": "true"}) == "[rig]\n\n[rig.instruments]\nprobe = true\n"

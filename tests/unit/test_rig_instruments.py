@@ -27,6 +27,7 @@ encoder_resolution = "0.1 mrad"
 second_encoder = true
 second_encoder_tolerance = "1 deg"
 start_up_answer = "14 mJ"
+drive_answer = 1.127
 probe = true
 probe_answer = [5.0, -1.0, 4.0, -2, 3.0, -3.0]
 [rig.instruments.drive_sensor]
@@ -84,6 +85,7 @@ def test_what_one_joint_states(tmp_path):
     assert found.probe_answer == (5.0, -1.0, 4.0, -2.0, 3.0, -3.0)
     assert found.joint_tolerance == pytest.approx(math.radians(1.0))
     assert (found.drive, found.drive_gain_error, found.drive_offset) == (True, 0.04, 0.1)
+    assert found.drive_answer == 1.127
     assert found.drive_limit == pytest.approx(0.06 * 28.0 * 8.0)
     assert (found.force_range, found.start_up_answer) == (25.0, 0.014)
     assert (found.drive_noise, found.drive_lag, found.emg_range) == (None, 2e-3, 40.0)
@@ -117,8 +119,8 @@ def test_joints_share_a_table_and_replace_keys_of_it(tmp_path):
     ("text", "found", "given", "said"),
     [
         (ONE, "0.1 mrad", "0.1 mm", r'line 11: \[rig.instruments\] encoder_resolution: found the unit "mm"'),
-        (ONE, "range", "rang", r'line 21: \[rig.instruments.force_sensor\] rang: unknown key "rang"; .* is "range"'),
-        (ONE, "100 mN*m", "-1 N*m", r"line 19: \[rig.instruments.drive_sensor\] offset: found -1.0, expected at least"),
+        (ONE, "range", "rang", r'line 22: \[rig.instruments.force_sensor\] rang: unknown key "rang"; .* is "range"'),
+        (ONE, "100 mN*m", "-1 N*m", r"line 20: \[rig.instruments.drive_sensor\] offset: found -1.0, expected at least"),
         (ONE, "probe = true", 'probe = "false"', r"\[rig.instruments\] probe: found 'false', expected true or false"),
         (ONE, "second_encoder = true", "second_encoder = 1", r"second_encoder: found 1, expected true or false"),
         (ONE, "second_encoder = true\n", "", "found second_encoder_tolerance, expected second_encoder = true"),

@@ -104,6 +104,19 @@ def test_a_law_goes_on_without_a_sensor_that_it_can_do_without():
     assert [entry[1:] for entry in safe.log] == [("lost", "degraded")]
 
 
+@pytest.mark.parametrize("gap", [0.2, 1.5])
+def test_a_joint_at_rest_can_be_reset_after_its_encoder_was_silent(gap):
+    """What it moved in the gap counted as the velocity of one period, after which rest was a frozen encoder."""
+    safe = held(supervised(joint(), start_up=False), 100)
+    silent = 100 + round(1e3 * gap)
+    for i in range(100, silent):
+        safe.step(1e-3 * i, None)
+    assert (safe.fault, safe.enable) == ("not_finite", False)
+    for i in range(silent, silent + 2000):
+        safe.step(1e-3 * i, 0.3, token=safe.challenge)
+    assert (safe.fault, safe.mode) == ("none", "running")
+
+
 def test_a_joint_that_does_not_answer_has_no_polarity():
     safe = held(supervised(joint()), 99)
     assert safe.mode == "start_up"

@@ -70,7 +70,7 @@ def test_every_threshold_of_a_joint():
         "force_range": math.inf, "force_quiet_samples": 50.0, "muscle_expected": 0.0, "muscle_range": 40.0,
         "muscle_quiet_samples": 50.0, "drive_expected": 0.0, "drive_cycles": 4.0, "drive_tolerance": 0.25,
         "drive_share": 0.15, "drive_limit": math.inf, "drive_surplus": 0.025, "drive_late": math.exp(-1.0 / 4.5),
-        "drive_inertia": 0.0,
+        "drive_inertia": 0.0, "drive_answer": 1.0,
         "drive_gain": 0.05,
         "drive_offset": 0.05, "drive_forget": 1.0 - math.exp(-1e-4), "push_limit": EFFORT,
         "power_limit": resisted(SPEED) * SPEED + WEIGHT * SPEED, "budget_store": INERTIA * 5.75**2,
@@ -208,6 +208,7 @@ def test_the_usual_accuracy_stated_is_the_usual_supervisor_bit_by_bit():
 @pytest.mark.parametrize(
     ("worse", "expected"),
     [
+        ({"drive_answer": 1.12}, {"drive_answer": 1.12}),
         ({"drive_gain_error": 0.12}, {"drive_gain": 0.12, "drive_share": 0.15 + 0.07}),
         ({"drive_gain_error": 0.99}, {"drive_gain": 0.99, "drive_share": 1.0}),
         ({"drive_offset": 0.03 * EFFORT}, {"drive_offset": 0.03 * EFFORT, "drive_tolerance": 0.07 * EFFORT}),
@@ -671,7 +672,7 @@ def test_every_threshold_of_several_joints(robot):
             "range_min": one.position[0] - 0.15, "range_max": one.position[1] + 0.15, "encoder_resolution": 4e-4,
             "freeze_speed": 0.5, "freeze_samples": 20.0, "drive_expected": 0.0, "drive_cycles": 4.0,
             "drive_tolerance": 0.05 * effort, "drive_share": 0.15, "drive_limit": math.inf,
-            "drive_surplus": 0.005 * effort, "drive_late": 0.0, "drive_inertia": 0.0,
+            "drive_surplus": 0.005 * effort, "drive_late": 0.0, "drive_inertia": 0.0, "drive_answer": 1.0,
             "drive_gain": 0.05, "drive_offset": 0.01 * effort,
             "drive_forget": 1.0 - math.exp(-1e-4), "push_limit": effort, "power_limit": effort * speed,
             "budget_store": inertia * (0.575 * speed) ** 2 + reach.weight[k], "budget_power": 0.01 * effort * speed,

@@ -6,8 +6,9 @@ that is 0 at both ends, the balance of a joint that slides needs no derivative o
     J ∫ q φ'' = g ∫ u(t − d) φ − c ∫ sign(q') φ + b ∫ q φ' − k ∫ φ,
 
 with effort u that was asked for, gain g, delay d, friction c and b, and what gravity is where the start began, k. All
-are found by least squares over all windows of all starts, d by a search. The work of the start-up test and the answers
-of the probe are the supervisor's own numbers: the log is played through the controller again.
+are found by least squares over all windows of all starts, d by a search. What a drive's measurement reads per effort
+follows from both integrals, for these do not depend on its lag. The work of the start-up test and the answers of the
+probe are the supervisor's own numbers: the log is played through the controller again.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ bits.
 """
 
 MAX_GAIN_ERROR = 0.15
-"""Largest relative difference of the measured gain from the stated one of a drive that is right [1]."""
+"""Largest relative difference of the measured gain from the stated one of a drive that is right, and of what its
+measurement reads from what it gives [1]."""
 
 MIN_PROBE_WINDOWS = 20
 """Smallest number of windows of a moving joint from which the probe's answers are taken."""
@@ -96,12 +98,19 @@ class DriveCheck:
     gain_spread: float  # standard deviation over starts, or of the mean where that is larger [1]
     delay: float  # from the command to the effort [s]; NaN where the gain is
     starts: int
+    reading: float = math.nan  # measured effort over effort asked for; NaN without a measurement [1]
     coarse_steps: float = math.nan  # steps of the encoder in the wave, where they are too few to show the gain [1]
 
     @property
     def is_right(self) -> bool:
         """Whether the motion shows that the drive gives what it is asked for."""
         return self.sign > 0 and abs(self.gain - 1.0) <= MAX_GAIN_ERROR
+
+    @property
+    def is_read_right(self) -> bool:
+        """Whether the drive's measurement, if there is one, reads what the motion or else the command shows."""
+        given = self.gain if math.isfinite(self.gain) else 1.0
+        return not abs(self.reading / given - 1.0) > MAX_GAIN_ERROR
 
     @property
     def is_open(self) -> bool:
@@ -120,6 +129,7 @@ class Answers:
     starts: int
     notes: tuple[str, ...] = ()  # why an answer is not told
     wave: float = math.nan  # amplitude of the test's wave [N m or N]
+    window: float = math.nan  # duration of the probe's windows [s]
 
 
 def drive_check(starts: Sequence[StartLog], inertia: float) -> DriveCheck:
@@ -184,7 +194,7 @@ def drive_check(starts: Sequence[StartLog], inertia: float) -> DriveCheck:
     # Three standard deviations decide whether the gain is right.
     if 3.0 * error > max(MAX_GAIN_ERROR * abs(gain), min(abs(gain - 1.0) - MAX_GAIN_ERROR, abs(gain))):
         steps = float(np.median([np.ptp(start.position) for start in whole])) / step
-        return DriveCheck(sign, math.nan, spread, math.nan, len(whole), steps)
+        return DriveCheck(sign, math.nan, spread, math.nan, len(whole), coarse_steps=steps)
     if mean_left > 1.0 or gain < 0.0:
         gain = delay = math.nan
     return DriveCheck(sign, gain, spread, delay, len(whole))
@@ -326,6 +336,30 @@ def _design(rows: Sequence[np.ndarray]) -> np.ndarray:
     ])  # fmt: skip
 
 
+def drive_reading(starts: Sequence[StartLog]) -> float:
+    """Return what a drive's measurement reads per effort asked for [1].
+
+    Its integral is that of r u, with an offset o t. Lag and delay add shares of u and of its rate to that.
+
+    Raises
+    ------
+    PellucidError
+        If a start has no column ``drive``.
+    """
+    sides, rows = [], []
+    for start in starts:
+        if "drive" not in start.others:
+            raise PellucidError(f"{start.name}: found no column drive, expected the measurement that study.toml states")
+        time = start.time - start.time[0]
+        step = np.diff(time, prepend=0.0)
+        lags = (start.effort, np.gradient(start.effort))
+        row = np.column_stack((np.cumsum(start.effort * step), *lags, time))
+        side = np.cumsum(start.others["drive"] * step)
+        rows.append(row - row.mean(axis=0))
+        sides.append(side - side.mean())
+    return float(np.linalg.lstsq(np.concatenate(rows), np.concatenate(sides), rcond=None)[0][0])
+
+
 def answers(law: SupervisedLaw, starts: Sequence[StartLog], other_waves: Sequence[StartLog] = ()) -> Answers:
     """Return the responses to a robot's start-up test and probe, by replaying its starts through its control law.
 
@@ -359,7 +393,8 @@ def answers(law: SupervisedLaw, starts: Sequence[StartLog], other_waves: Sequenc
     spread = float(np.std(works, ddof=1)) if len(works) > 1 else 0.0
     if probe is None and law.supervision["probe_effort"] > 0.0:
         notes["too little motion while the controller was running to compute the probe's response"] = None
-    return Answers(mean, spread, probe, int(sum(windows)), len(works), tuple(notes), wave)
+    window = law.supervision["probe_samples"] * law.values["period"]
+    return Answers(mean, spread, probe, int(sum(windows)), len(works), tuple(notes), wave, window)
 
 
 def _replayed(law: SupervisedLaw, start: StartLog) -> tuple[np.ndarray, tuple[Sequence[float], int]]:

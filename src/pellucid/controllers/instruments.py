@@ -8,6 +8,9 @@ from dataclasses import dataclass, field, fields, replace
 
 from .._errors import PellucidError
 
+SHORTEST_PROBE_WINDOW_S = 0.12
+"""Duration of the shortest window of the probe."""
+
 COMMISSIONING_CONDITION = "Nobody wears the robot, and the joint can move freely."
 """Condition of the ten starts that measure sign, gain and delay of a drive."""
 
@@ -65,6 +68,8 @@ class Instruments:
         Standard deviation of that measurement's noise [N m or N]; None: `DRIVE_NOISE_SHARE` of that limit.
     drive_lag : float
         Time constant of that measurement's lag [s].
+    drive_answer : float
+        Measured effort per effort asked for at commissioning, which contains the gains of drive and measurement [1].
     spring_stiffness : float or None
         Stiffness of the series spring whose deflection is the drive's measurement [N m/rad or N/m]; None for a drive
         without a spring.
@@ -88,6 +93,9 @@ class Instruments:
     probe_answer : sequence of float or None
         Answers to the probe's three waves at commissioning, with a drive and an encoder known to be right: real and
         imaginary part of each, shape (6,) [1]. None: the first movement after each start is taken for right.
+    probe_window : float or None
+        Duration of the windows that gave `probe_answer` [s]: a control law with others, whose waves have other
+        frequencies, does not use the answer. None: the shortest.
     shaking : bool or None
         Whether a sustained oscillation of the joint, faster than reaching movements, switches the power off. It detects
         a drive whose own measurement is wrong, but also stops a wearer who stirs fast. None: an export
@@ -122,6 +130,7 @@ class Instruments:
     drive_offset: float | None = None
     drive_noise: float | None = None
     drive_lag: float = DRIVE_LAG_S
+    drive_answer: float = 1.0
     spring_stiffness: float | None = None
     force_range: float = math.inf
     force_gain_error: float = 0.0
@@ -131,6 +140,7 @@ class Instruments:
     start_up_wave: float | None = None
     probe: bool | None = None
     probe_answer: tuple[float, ...] | None = None
+    probe_window: float | None = None
     shaking: bool | None = None
     stated: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
 
@@ -161,6 +171,11 @@ class Instruments:
         same = self.start_up_wave is None or abs(self.start_up_wave - wave) <= MAX_WAVE_DIFFERENCE * wave
         return self.start_up_answer if same else None
 
+    def answer_to_probe(self, window: float) -> tuple[float, ...] | None:
+        """Return the answer to the probe at commissioning with windows of this duration [s], if known."""
+        known = SHORTEST_PROBE_WINDOW_S if self.probe_window is None else self.probe_window
+        return self.probe_answer if abs(known - window) <= MAX_WAVE_DIFFERENCE * window else None
+
     @property
     def asks_at_rest(self) -> bool:
         """Whether a wave asks a joint whose encoder reads the same for long: in exports that probe or measure."""
@@ -169,8 +184,8 @@ class Instruments:
     def __post_init__(self):
         if self.probe_answer is not None:
             object.__setattr__(self, "probe_answer", _checked_answer(self.probe_answer))
-        positive = ("encoder_resolution", "joint_tolerance", "drive_limit", "spring_stiffness", "force_range",
-                    "emg_range", "start_up_answer", "start_up_wave")  # fmt: skip
+        positive = ("encoder_resolution", "joint_tolerance", "drive_limit", "drive_answer", "spring_stiffness",
+                    "force_range", "emg_range", "start_up_answer", "start_up_wave", "probe_window")  # fmt: skip
         for name in (each.name for each in fields(self)):
             value = getattr(self, name)
             if value is None or isinstance(value, bool | tuple | frozenset):

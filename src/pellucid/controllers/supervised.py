@@ -32,11 +32,12 @@ from .instruments import (
     DRIVE_NOISE_SHARE,
     DRIVE_OFFSET_SHARE,
     FORCE_OFFSET_SHARE,
+    SHORTEST_PROBE_WINDOW_S,
     CompleteInstruments,
     Instruments,
 )
 
-PROBE_WINDOWS_S = (0.12, 0.2)
+PROBE_WINDOWS_S = (SHORTEST_PROBE_WINDOW_S, 0.2)
 """Shortest and longest duration of a window of the probe. Its waves have 42, 75 and 108 Hz, above strap and ringing
 band, to 25, 45 and 65 Hz."""
 
@@ -82,8 +83,9 @@ MIN_PROBE_SPEED = 0.1
 
 UNHEARD_S = (0.093, 0.16)
 """Times at the velocity limit whose ways are the shortest and the longest that the joint may go, forth or back, while
-its drive is not heard: see `STUCK_ENERGY_J`. They are those of the shortest window and grow with it. The shortest is more than the 0.075 s of way that windows of the probe
-hold which have not ended yet; at 8 rad/s a drive stuck at 6.7 N m gives 5 J on it."""
+its drive is not heard: see `STUCK_ENERGY_J`. They are those of the shortest window and grow with it. The shortest is
+more than the 0.075 s of way that windows of the probe hold which have not ended yet; at 8 rad/s a drive stuck at
+6.7 N m gives 5 J on it."""
 
 MIN_UNHEARD_WAY = 0.7
 """Shortest such way where the longest one is not shorter [rad or m]: less stops slow healthy robots.
@@ -860,6 +862,7 @@ def drive_watch(instruments: CompleteInstruments, effort: float, period: float) 
     return {
         "drive_expected": float(instruments.drive),
         "drive_limit": instruments.drive_limit,
+        "drive_answer": instruments.drive_answer,
         "drive_surplus": DRIVE_SURPLUS_TRAVEL * effort,
         "drive_gain": instruments.drive_gain_error,
         "drive_offset": instruments.drive_offset,
@@ -1014,7 +1017,7 @@ def supervision_of(
             inertia, resolution, limit=effort, period=period, speed_limit=speed, drive_limit=instruments.drive_limit,
             steady=min(carried_weight(v, weight) + friction, effort),
         )  # fmt: skip
-        made |= commissioned_answers(instruments.probe_answer)
+        made |= commissioned_answers(instruments.answer_to_probe(made["probe_samples"] * period))
     if inertia > 0.0 and instruments.asks_at_rest:
         made |= {
             "still_samples": round(STILL_S / period),

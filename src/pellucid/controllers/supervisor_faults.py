@@ -229,10 +229,13 @@ def _bound_of_energies(numbers: Mapping[str, float]) -> str:
     if not math.isfinite(numbers["probe_travel"]):
         return "Without a velocity limit the energy of its faults is not bounded. "
     stuck, wrong, dead = (f"{energy:.2g}" if energy < 10.0 else f"{energy:.0f}" for energy in unheard_energies(numbers))
+    known = numbers["probe_answer_error"] > 0.0
+    when = "On this robot" if known else "On this robot, once commissioned,"
+    before = "" if known else " Before, faults in the first movement may stay undetected."
     return (
-        f"On this robot the supervisor limits the energy to about {stuck} J if the effort is stuck at half of its "
-        f"limit, {wrong} J with reversed polarity or three times the effort, and {dead} J without effort. A lower "
-        "velocity limit in [rig.limits] reduces it. "
+        f"{when} the supervisor limits the energy to about {stuck} J if the effort is stuck at half of its limit, "
+        f"{wrong} J with reversed polarity or three times the effort, and {dead} J without effort. A lower velocity "
+        f"limit in [rig.limits] reduces it.{before} "
     )
 
 

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     PositiveAngle = float
     PositiveStiffness = float
     PositiveWork = float
+    PositiveShare = float
+    PositiveTime = float
 else:
     ErrorShare = quantity("1", ge=0, le=1)
     DriveEffort = quantity("<scaled_effort>", ge=0)
@@ -31,6 +33,8 @@ else:
     PositiveAngle = quantity("<coordinate>", gt=0)
     PositiveStiffness = quantity("<stiffness>", gt=0)
     PositiveWork = quantity("J", gt=0)
+    PositiveShare = quantity("1", gt=0)
+    PositiveTime = quantity("s", gt=0)
 
 SomeTable = TypeVar("SomeTable", bound=StudyTable)
 """The class of a table that is completed."""
@@ -108,6 +112,8 @@ class InstrumentsTable(StudyTable):
         ``drive_sensor``, except to state the accuracy.
     emg_range : float or None
         Largest torque in the EMG calibration [effort]; 40 N*m if unstated.
+    drive_answer : float or None
+        Measured effort of the drive per commanded effort [1], which ``commission`` writes; 1 if unstated.
     start_up_answer : float or None
         Work of the start-up test's excitation at commissioning [J], which ``commission`` writes.
     start_up_wave : float or None
@@ -119,6 +125,9 @@ class InstrumentsTable(StudyTable):
     probe_answer : tuple of float or None
         Responses to the probe's three excitations at commissioning, which ``commission`` writes: real and imaginary
         part of each [1]. Without it, the first movement after each start is assumed to be healthy.
+    probe_window : float or None
+        Duration of the window that gave ``probe_answer`` [s], which ``commission`` writes: a controller with another
+        one does not use the answer.
     shaking : bool or None
         Whether oscillation that is faster than reaching switches the power off. It detects a drive whose own
         measurement is wrong. It also stops wearers who stir fast: state ``false`` for such tasks. By default only
@@ -132,10 +141,12 @@ class InstrumentsTable(StudyTable):
     force_sensor: ForceSensor | None = None
     spring_stiffness: PositiveStiffness | None = None
     emg_range: PositiveEffort | None = None
+    drive_answer: PositiveShare | None = None
     start_up_answer: PositiveWork | None = None
     start_up_wave: PositiveEffort | None = None
     probe: bool | None = None
     probe_answer: tuple[float, float, float, float, float, float] | None = None
+    probe_window: PositiveTime | None = None
     shaking: bool | None = None
 
     def completed_by(self, common: InstrumentsTable) -> InstrumentsTable:

@@ -41,7 +41,7 @@ from ..joint_compensation import (
     suggested_limits,
 )
 from ..study.rig_instruments import rig_instruments
-from ..supervised import SupervisedLaw, supervised
+from ..supervised import PROBE_CREST, PROBE_CYCLES, SupervisedLaw, supervised
 from ..supervisor_faults import UNMEASURED_FAULTS, undetectable_notes
 from ..tree_laws import TreeLaw, carried, full_compensation, transparent
 from ..worn import watched_worn
@@ -70,7 +70,7 @@ OTHER_ANSWER_NOTE = (
 """Note in the exported README if the answer of the start-up test belongs to another wave."""
 
 PROBE_NOTE = (
-    "The supervisor probes drive and encoder with small waves of effort at 42, 75 and 108 Hz. The wearer hears a hum "
+    "The supervisor probes drive and encoder with waves of effort of up to {size} at {waves}. The wearer hears a hum "
     "and feels a faint tingling while the controller runs; inform the wearer beforehand. The supervisor compares the "
     "responses with probe_answer in [rig.instruments]."
 )
@@ -103,7 +103,7 @@ STILL_NOTE = (
 """Note in the exported README if the supervisor asks a joint at rest."""
 
 UNCOMMISSIONED_PROBE_NOTE = (
-    "The supervisor probes drive and encoder with small waves of effort at 42, 75 and 108 Hz. The wearer hears a hum "
+    "The supervisor probes drive and encoder with waves of effort of up to {size} at {waves}. The wearer hears a hum "
     "and feels a faint tingling while the controller runs; inform the wearer beforehand. Without commissioning, the "
     "responses in the first movement after each start are the reference: a fault from the start is detected by the "
     "start-up test "
@@ -153,7 +153,11 @@ class ControllerValues:
         notes = (*self.notes, *undetectable_notes(self.instruments, has_force_sensor="interaction" in self.uses))
         if supervision["probe_effort"] > 0.0:
             known = supervision["probe_answer_error"] > 0.0
-            notes = (*notes, PROBE_NOTE if known else UNCOMMISSIONED_PROBE_NOTE)
+            turns = [cycles / (supervision["probe_samples"] * self.numbers["period"]) for cycles in PROBE_CYCLES]
+            waves = "{:.0f}, {:.0f} and {:.0f} Hz".format(*turns)
+            size = f"{2.0 * PROBE_CREST * supervision['probe_effort']:.2g} {self.effort_unit}"
+            note = PROBE_NOTE if known else UNCOMMISSIONED_PROBE_NOTE
+            notes = (*notes, note.format(size=size, waves=waves))
         unit, limit = COORDINATE_UNITS[self.motion], self.numbers["effort_limit"]
         weight = largest_weight({**supervision, **self.numbers})
         if weight > limit:

@@ -77,6 +77,7 @@ def list_instruments(
         add("its offset", "drive_offset", effort)
         add("its noise, standard deviation", "drive_noise", effort)
         add("its lag", "drive_lag", "s")
+        add("its reading per commanded effort", "drive_answer", "")
     if used.drive or used.probe:
         add("largest effort of the drive", "drive_limit", effort)
     if "interaction" in sensors:
@@ -93,6 +94,8 @@ def list_instruments(
     if used.probe:
         answer = "not measured" if used.probe_answer is None else "stated"
         list_value("answer to the probe at commissioning", "probe_answer", answer, UNKNOWN_SOURCE)
+        if used.probe_window is not None:
+            add("duration of its windows", "probe_window", "s")
     if not spring:
         add_switch("check for sustained oscillation (shaking)", "shaking", CHOSEN_SOURCE)
     return tuple(lines)

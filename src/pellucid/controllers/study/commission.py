@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
 
@@ -31,13 +31,14 @@ from ..commissioning import (
     StartLog,
     answers,
     drive_check,
+    drive_reading,
     record_starts,
 )
 from ..control_law import LAWS
 from ..export.controller_values import protect_wearer
 from ..export.export import values_for
 from ..instruments import COMMISSIONING_CONDITION
-from ..supervised import RATE_TOLERANCE
+from ..supervised import RATE_TOLERANCE, SupervisedLaw
 
 START_COUNT = 10
 """Number of starts of a commissioning."""
@@ -105,8 +106,10 @@ class Commissioning:
             reasons.append("its sign is reversed")
         elif not (drive.is_right or drive.is_open):
             reasons.append(f"its gain is {drive.gain:.3f} times the stated one{_unit_guess(drive.gain)}")
+        if not drive.is_read_right:
+            reasons.append(f"its measurement reads {drive.reading:.3f} times the command")
         known = np.isfinite(drive.gain)
-        if drive.is_open and not self.gain_checked:
+        if drive.is_open and not (reasons or self.gain_checked):
             return self._open_answer()
         right = "sign and gain are right" if known else "the sign is right, and the gain was checked"
         said = "; ".join(reasons) or right
@@ -148,6 +151,8 @@ class Commissioning:
             f"gain: {gain}",
             f"delay: {delay or 'not identifiable'}",
         ]
+        if np.isfinite(drive.reading):
+            made.append(f"drive_answer: measured effort {drive.reading:.3f} times the command")
         if found.start_up is not None:
             made.append(f"start_up_answer: {found.start_up:.4g} J (standard deviation {found.start_up_spread:.2g} J)")
         if found.probe is not None:
@@ -186,6 +191,7 @@ def commission(
     controller: str | None = None,
     participant: str | None = None,
     slider: float | None = None,
+    period: float | None = None,
     wearer: bool = True,
     gain_checked: bool = False,
     ask: Callable[[str], None] = _nobody_to_ask,
@@ -213,6 +219,8 @@ def commission(
         The controller that will be exported, as `export` takes them.
     slider : float or None
         Position of a carriage [m], as `export` takes it; None for the middle of its rail.
+    period : float or None
+        Period of the controller [s], as `export` takes it.
     wearer : bool
         Whether somebody wears the robot for the answers, where the starts are played here.
     gain_checked : bool
@@ -254,7 +262,7 @@ def commission(
             f"commission of {study.name}: found a slider of {slider:g} m, expected none for the virtual robot, whose "
             "carriage is in the middle: give --log or --udp"
         )
-    values = values_for(study, controller=controller, participant=participant, slider=slider)
+    values = values_for(study, controller=controller, participant=participant, slider=slider, period=period)
     if LAWS[values.law].drives_spring:
         raise PellucidError(f"commission of {study.name}: found a law that drives a spring, expected a joint's drive")
     law = protect_wearer(values, unmeasured=True, place=f"commission of {study.name}").supervised
@@ -262,21 +270,31 @@ def commission(
         raise PellucidError(
             f"commission of {study.name}: found --worn alone, expected --log of starts that nobody wears, too"
         )
-    told = {"controller": controller, "participant": participant, "slider": None if slider is None else f"{slider:g}"}
-    options = tuple(word for name, value in told.items() if value is not None for word in (f"--{name}", value))
+    told = {"controller": controller, "participant": participant, "slider": slider, "period": period}
+    options = tuple(
+        word
+        for name, value in told.items()
+        if value is not None
+        for word in (f"--{name}", f"{value:g}" if isinstance(value, float) else value)
+    )
 
     def answered(
         source: str,
         empty: Sequence[StartLog],
-        take_starts: Callable[[], Sequence[StartLog]],
+        take_starts: Callable[[SupervisedLaw], Sequence[StartLog]],
         other_waves: Sequence[StartLog] = (),
     ) -> Commissioning:
         drive = drive_check(empty, law.supervision["body_inertia"])
+        told = law
+        if law.supervision["drive_expected"]:
+            drive = replace(drive, reading=drive_reading(empty))
+            # Logs are of a controller that did not know the answer yet.
+            told = law if logs else law.changed(drive_answer=drive.reading)
         found, written, problem = Answers(None, math.nan, None, 0, 0), tuple[str, ...](), ""
-        if drive.is_right or (drive.is_open and gain_checked):
-            found = answers(law, take_starts(), other_waves)
+        if (drive.is_right or (drive.is_open and gain_checked)) and drive.is_read_right:
+            found = answers(told, take_starts(told), other_waves)
             try:
-                written = state_answers(study.folder / "study.toml", found, values.effort_unit)
+                written = state_answers(study.folder / "study.toml", found, values.effort_unit, drive.reading)
             except OSError as error:
                 problem = f"{study.folder / 'study.toml'} could not be written: {error.strerror or error}"
         return Commissioning(source, drive, found, written, str(study.folder), gain_checked, options, problem)
@@ -285,8 +303,8 @@ def commission(
         period = law.values["period"]
         empty = read_starts(logs, period)
         if not worn_logs:
-            return answered("logs", empty, lambda: empty)
-        return answered("logs", empty, lambda: read_starts(worn_logs, period), empty)
+            return answered("logs", empty, lambda told: empty)
+        return answered("logs", empty, lambda told: read_starts(worn_logs, period), empty)
     if robot is not None:
         source, robot_of = "robot", _same_robot(cast(Robot, robot))
     else:
@@ -296,10 +314,10 @@ def commission(
     ask(f"{COMMISSIONING_CONDITION} Press Enter to apply power.")
     empty = record_starts(robot_of(False, period), law, START_COUNT, worn=False, wave_factor=DRIVE_WAVE_FACTOR)
 
-    def record_answers() -> list[StartLog]:
+    def record_answers(told: SupervisedLaw) -> list[StartLog]:
         if wearer:
             ask("Put the robot on a relaxed wearer, who moves the joint for 20 s from the tenth start. Press Enter.")
-        return record_starts(robot_of(wearer, period), law, START_COUNT, worn=wearer)
+        return record_starts(robot_of(wearer, period), told, START_COUNT, worn=wearer)
 
     return answered(source, empty, record_answers)
 
@@ -343,7 +361,8 @@ def read_starts(paths: Sequence[Path], period: float) -> list[StartLog]:
         step = float(np.median(steps))
         if not abs(step / period - 1.0) <= RATE_TOLERANCE:
             is_unit = step > MIN_UNIT_RATIO * period
-            advice = "state another unit in the name, such as time [ms]" if is_unit else "log one row each period"
+            other_unit, other_period = "state another unit in the name, such as time [ms]", "log one row each period"
+            advice = other_unit if is_unit else f"{other_period}, or give --period"
             raise PellucidError(
                 f"{path}: found rows {step:.4g} s apart by the column time, expected the controller's period of "
                 f"{period:.4g} s: {advice}"
@@ -370,9 +389,13 @@ def _si_columns(path: Path) -> Iterator[tuple[str, np.ndarray]]:
             yield column, values * factor + offset
 
 
-def state_answers(path: Path, found: Answers, effort_unit: str = "N*m") -> tuple[str, ...]:
+def state_answers(
+    path: Path, found: Answers, effort_unit: str = "N*m", drive_answer: float = math.nan
+) -> tuple[str, ...]:
     """Write answers into ``[rig.instruments]`` of a study.toml, and return the keys that were written."""
     lines = {}
+    if math.isfinite(drive_answer):
+        lines["drive_answer"] = f"{drive_answer:.4g}  # measured effort per commanded effort"
     if found.start_up is not None:
         lines["start_up_answer"] = (
             f'"{found.start_up:.5g} J"  # mean of {found.starts} starts, '
@@ -383,6 +406,8 @@ def state_answers(path: Path, found: Answers, effort_unit: str = "N*m") -> tuple
     if found.probe is not None:
         numbers = ", ".join(f"{x:.5g}" for x in found.probe)
         lines["probe_answer"] = f"[{numbers}]  # from {found.probe_windows} windows of a moving joint"
+        if math.isfinite(found.window):
+            lines["probe_window"] = f'"{found.window:.4g} s"  # duration of each'
     if lines:
         text = read_given(path, MAX_STUDY_BYTES).decode("utf-8")
         write_text_atomically(path, with_keys(text, INSTRUMENTS_HEADER, lines))

@@ -18,10 +18,12 @@ INSTRUMENT_KEYS: Mapping[str, str] = {
     "second_encoder_tolerance": "joint_tolerance",
     "spring_stiffness": "spring_stiffness",
     "emg_range": "emg_range",
+    "drive_answer": "drive_answer",
     "start_up_answer": "start_up_answer",
     "start_up_wave": "start_up_wave",
     "probe": "probe",
     "probe_answer": "probe_answer",
+    "probe_window": "probe_window",
     "shaking": "shaking",
 }
 """Field of `Instruments` for each key of ``[rig.instruments]``."""
