@@ -64,9 +64,9 @@ TABLED_ROBOTS: Mapping[str, str] = {
 """Robots of the table of all faults, and the headings of their columns."""
 
 SUMMARY_FAULTS = (
-    "encoder_frozen", "encoder_jump", "encoder_drift", "encoder_flipped", "force_offset", "force_triple", "emg_lost",
+    "encoder_frozen", "encoder_drift", "encoder_flipped", "force_offset", "force_triple",
     "drive_reversed", "drive_triple", "drive_triple_unseen", "drive_stuck", "drive_dead", "drive_late", "drive_sine",
-    "wearer_spasm", "wearer_faints", "samples_late", "task_hangs", "law_memory",
+    "wearer_spasm", "wearer_faints", "task_hangs", "law_memory",
 )  # fmt: skip
 """Faults that the explanation lists: of each group the ones with the largest energy, and the usual ones."""
 

@@ -6,7 +6,7 @@ that is 0 at both ends, the balance of a joint that slides needs no derivative o
     J ∫ q φ'' = g ∫ u(t − d) φ − c ∫ sign(q') φ + b ∫ q φ' − k ∫ φ,
 
 with effort u that was asked for, gain g, delay d, friction c and b, and what gravity is where the start began, k. All
-are found by least squares over all windows of all starts, d by a search. What a drive's measurement reads per effort
+are found by least squares over all windows of all starts, d by a search. The reading of a drive per unit of effort
 follows from both integrals, for these do not depend on its lag. The work of the start-up test and the answers of the
 probe are the supervisor's own numbers: the log is played through the controller again.
 """

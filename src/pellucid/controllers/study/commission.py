@@ -300,24 +300,24 @@ def commission(
         return Commissioning(source, drive, found, written, str(study.folder), gain_checked, options, problem)
 
     if logs:
-        period = law.values["period"]
-        empty = read_starts(logs, period)
+        interval = law.values["period"]
+        empty = read_starts(logs, interval)
         if not worn_logs:
             return answered("logs", empty, lambda told: empty)
-        return answered("logs", empty, lambda told: read_starts(worn_logs, period), empty)
+        return answered("logs", empty, lambda told: read_starts(worn_logs, interval), empty)
     if robot is not None:
         source, robot_of = "robot", _same_robot(cast(Robot, robot))
     else:
         source, robot_of = VIRTUAL_SOURCE, _virtual_robot(study)
         ask = _nobody_to_ask
-    period = law.values["period"]
+    interval = law.values["period"]
     ask(f"{COMMISSIONING_CONDITION} Press Enter to apply power.")
-    empty = record_starts(robot_of(False, period), law, START_COUNT, worn=False, wave_factor=DRIVE_WAVE_FACTOR)
+    empty = record_starts(robot_of(False, interval), law, START_COUNT, worn=False, wave_factor=DRIVE_WAVE_FACTOR)
 
     def record_answers(told: SupervisedLaw) -> list[StartLog]:
         if wearer:
             ask("Put the robot on a relaxed wearer, who moves the joint for 20 s from the tenth start. Press Enter.")
-        return record_starts(robot_of(wearer, period), told, START_COUNT, worn=wearer)
+        return record_starts(robot_of(wearer, interval), told, START_COUNT, worn=wearer)
 
     return answered(source, empty, record_answers)
 
