@@ -325,12 +325,15 @@ CLAIMS: Sequence[tuple[str, tuple[str, ...]]] = (
     ),
     ("Virtual lab, elbow: {} false alarms in {} h.", ("safety.lab.false_alarms", "safety.lab.healthy_hours")),
     (
-        "Virtual lab, inaccurate drive measurements, elbow: {} false alarms in {} h.",
-        ("safety.drive_reading.elbow.false_alarms", "safety.drive_reading.elbow.healthy_hours"),
+        "Virtual lab, inaccurate drive measurements: {} false alarms in {} h on the elbow, {} in {} h on the knee.",
+        ("safety.drive_reading.elbow.false_alarms", "safety.drive_reading.elbow.healthy_hours",
+         "safety.drive_reading.knee.false_alarms", "safety.drive_reading.knee.healthy_hours"),
     ),
     (
-        "Virtual lab, inaccurate drive measurements, knee: {} false alarms in {} h.",
-        ("safety.drive_reading.knee.false_alarms", "safety.drive_reading.knee.healthy_hours"),
+        "Worn leg of 44 N·m, default export: {} false alarms in {} h, {} starts refused, drive faults at most {} times "
+        "the printed energies.",
+        ("safety.leg.unmeasured.false_alarms", "safety.leg.unmeasured.healthy_hours", "safety.leg.starts_refused",
+         "safety.leg.unmeasured.energy_over_printed"),
     ),
     ("Random inputs: {} unsafe commands in {} control periods.", ("safety.unsafe", "safety.fuzzed_cycles")),
     ("Heap operations while the controller runs: {}.", ("safety.heap_operations",)),
