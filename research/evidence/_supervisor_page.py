@@ -64,9 +64,8 @@ TABLED_ROBOTS: Mapping[str, str] = {
 """Robots of the table of all faults, and the headings of their columns."""
 
 SUMMARY_FAULTS = (
-    "encoder_frozen", "encoder_drift", "encoder_flipped", "force_offset", "force_triple",
-    "drive_reversed", "drive_triple", "drive_triple_unseen", "drive_stuck", "drive_dead", "drive_late", "drive_sine",
-    "wearer_spasm", "wearer_faints", "task_hangs", "law_memory",
+    "encoder_frozen", "encoder_flipped", "force_offset", "force_triple", "drive_reversed", "drive_triple",
+    "drive_stuck", "drive_dead", "drive_late", "drive_sine", "wearer_spasm", "wearer_faints",
 )  # fmt: skip
 """Faults that the explanation lists: of each group the ones with the largest energy, and the usual ones."""
 
@@ -365,7 +364,7 @@ chosen on these plants.
 `python -m research.evidence.safety --page` only writes the page.
 
 **Limits.** Real wearers may move, tremble and cramp in other ways. Real machines may have resonances or faults that are
-not simulated. Two simultaneous faults were not tested.
+not simulated.
 """
 """Text before the results."""
 
