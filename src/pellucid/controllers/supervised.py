@@ -199,12 +199,11 @@ def probe_numbers(
         )
     amplitude = max(needed, min(wanted, largest))
     shortest_window, longest_window = (probe_samples(period, window) for window in PROBE_WINDOWS_S)
-    samples = shortest_window
-    while (
-        samples < longest_window
-        and probe_signal_to_noise(amplitude, inertia, resolution, period, samples) < PROBE_SIGNAL_TO_NOISE
-    ):
-        samples += 4
+
+    def is_clear(samples: int) -> bool:
+        return probe_signal_to_noise(amplitude, inertia, resolution, period, samples) >= PROBE_SIGNAL_TO_NOISE
+
+    samples = next(filter(is_clear, range(shortest_window, longest_window, 4)), longest_window)
     slowest = 2.0 * math.pi * PROBE_CYCLES[0] / (samples * period)
     speed = PROBE_CREST * amplitude / (inertia * slowest)
     stuck = stuck_effort(drive_limit, limit)
