@@ -32,7 +32,7 @@ struct QuantityText {
   const char* meaning;  ///< for the engineer
 };
 constexpr QuantityText quantities[] = {
-    {"position", unit::coordinate, "the joint's encoder, 0 where it hangs along gravity"},
+    {"position", unit::coordinate, "the joint's encoder, with zero and sign as in the recordings"},
     {"torque", unit::effort, "the spring's torque on the robot"},
     {"interaction", unit::effort, "the wearer's torque on the robot, from a force sensor"},
     {"muscle", unit::effort, "the wearer's torque at the joint, from EMG"},
