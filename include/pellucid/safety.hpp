@@ -19,8 +19,8 @@ template <class S> struct SafetyParams {
     visit(p.effort_limit, {"effort_limit", unit::effort, above(0), "limit of |effort|"});
     visit(p.rate_limit, {"rate_limit", unit::effort_rate, above(0), "limit of |d effort / dt|"});
     visit(p.velocity_limit, {"velocity_limit", unit::velocity, above(0).or_infinite(),
-                             "of |velocity|, by a law's estimate and by the way since the last sample; beyond is a fault; "
-                           "infinite: none"});
+                             "of |velocity|, by a law's estimate and by the encoder's change, smoothed; beyond both is a "
+                           "fault; infinite: none"});
     visit(p.position_min, {"position_min", unit::coordinate, any_number().or_infinite(),
                            "lower stop; -infinite: none"});
     visit(p.position_max, {"position_max", unit::coordinate, any_number().or_infinite(),
@@ -35,12 +35,16 @@ template <class S> struct SafetyParams {
   }
 };
 
+/// Rate at which the way of a period is smoothed [1/s]: counts, noise and late readings of an encoder are no speed.
+constexpr double way_rate = 125.0;
+
 /// Coefficients computed once from SafetyParams.
 template <class S> struct SafetyCoefficients {
   SafetyParams<S> params{};  ///< as they are
   bool valid = false;        ///< whether they make sense
   S max_change{};            ///< largest change of the effort in a period [N m]
   S max_way{};               ///< way in a period at the velocity limit [rad]
+  S smoothing{};             ///< share of a new way in the smooth one [1]
   S inverse_margin{};        ///< 1 / stop_margin [1/rad], infinite for a margin of 0
   SampleRules rules{};       ///< when a sample is too old
 };
@@ -51,6 +55,8 @@ template <class S> SafetyCoefficients<S> coefficients(const SafetyParams<S>& p) 
   c.valid = is_sound(p) && p.position_min < p.position_max;
   c.max_change = p.rate_limit * p.period;
   c.max_way = p.velocity_limit * p.period;
+  const S share = S(way_rate) * p.period;
+  c.smoothing = share < S(1) ? share : S(1);
   c.inverse_margin = p.stop_margin > S(0) ? S(1) / p.stop_margin : S(std::numeric_limits<S>::infinity());
   const bool bounded = p.max_age > S(0) && p.max_age < S(2000);  // what 32 bits of microseconds hold
   c.rules.max_age = bounded ? static_cast<std::int32_t>(p.max_age * S(1e6)) : std::numeric_limits<std::int64_t>::max();
@@ -80,6 +86,7 @@ template <class S> struct SafetyState {
   SafetyFault fault = SafetyFault::none;  ///< latched
   S output{};                             ///< the last one [N m]
   S position{};                           ///< the last one that was a number [rad]
+  S way{};                                ///< its change in a period, smoothed [rad]
   SampleState sample{};                   ///< state of the position's samples
 };
 
@@ -97,10 +104,19 @@ SafetyFault examine(const SafetyCoefficients<S>& c, SafetyState<S>& state, const
   return examine(c.rules, state.sample, input.time, input.sequence);
 }
 
-/// Whether a joint is too fast. A law's estimate overshoots where somebody throws the joint, so that the way from the
-/// last position to this one must say so, too; a gap between the two makes it longer.
-template <class S> bool is_too_fast(const SafetyCoefficients<S>& c, const SafetyState<S>& state, const SafetyInput<S>& input) noexcept {
-  return !(abs(input.velocity) <= c.params.velocity_limit) && !(abs(input.position - state.position) <= c.max_way);
+/// Takes note of a position. What is not a number changes nothing; the first one has no way yet.
+template <class S> void follow(const SafetyCoefficients<S>& c, SafetyState<S>& state, const S& position, bool first) noexcept {
+  if (!is_finite(position)) return;
+  const S moved = first ? S(0) : position - state.position;
+  state.way = state.way + c.smoothing * (moved - state.way);
+  if (!is_finite(state.way)) state.way = S(0);
+  state.position = position;
+}
+
+/// Whether a joint is too fast. A law's estimate overshoots where somebody throws the joint, so that the encoder itself
+/// must say so, too.
+template <class S> bool is_too_fast(const SafetyCoefficients<S>& c, const SafetyState<S>& state, const S& velocity) noexcept {
+  return !(abs(velocity) <= c.params.velocity_limit) && !(abs(state.way) <= c.max_way);
 }
 
 /// Return the share of the effort limit available towards a stop at a distance: 1 far away, 0 at the stop and beyond.
@@ -118,9 +134,10 @@ template <class S> S step(const SafetyCoefficients<S>& c, SafetyState<S>& state,
     state.output = S(0);
     return state.output;
   }
+  const bool first = !state.sample.started;
   if (state.fault == SafetyFault::none) state.fault = examine(c, state, input);
-  if (state.fault == SafetyFault::none && is_too_fast(c, state, input)) state.fault = SafetyFault::velocity;
-  if (is_finite(input.position)) state.position = input.position;
+  follow(c, state, input.position, first);
+  if (state.fault == SafetyFault::none && is_too_fast(c, state, input.velocity)) state.fault = SafetyFault::velocity;
 
   const S limit = c.params.effort_limit;
   const S wanted = state.fault == SafetyFault::none ? clamp(input.command, -limit, limit) : S(0);

@@ -5,7 +5,7 @@
 // friction it is less or more by a factor, far more is a wrong gain. A joint whose weight rests on its friction may move
 // in the other half alone. That half then decides: with the wrong polarity it cannot return more than the first half
 // took. The test waits for rest, without effort, for as long as that takes. A wearer who trembles may do part of the work:
-// a gain is wrong if three waves say so, one after the other. The law takes over from a joint that has had time to come to
+// a gain is wrong if five waves say so, one after the other. The law takes over from a joint that has had time to come to
 // rest again: one that the wave still moves would meet the law's first effort as a kick.
 #pragma once
 
@@ -16,7 +16,7 @@ namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 /// Waves of which each must show a wrong gain.
-constexpr std::uint32_t start_up_waves = 3;
+constexpr std::uint32_t start_up_waves = 5;
 
 template <class S> struct StartUpTestParams {
   S effort{};

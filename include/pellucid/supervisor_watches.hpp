@@ -34,7 +34,6 @@ template <class S> struct WatchedState {
   DriveWatchState<S> drive{};    ///< the supervisor's, when the period began
   S velocity{};                  ///< raw velocity [rad/s]
   S pushed{};                    ///< effort beyond weight and friction, when it was last compared [N m]
-  S power{};                     ///< power of the effort, when it was last compared [W]
   std::uint32_t time = 0;        ///< time of the last reading of the encoder, its low half [us]
   std::uint32_t heard = 0;       ///< readings of the encoder since the start, up to 3
   std::uint32_t drive_seen = 0;  ///< sequence number of the drive's measurement
@@ -68,7 +67,6 @@ template <class S> void note_before(const WatchedPeriod<S>& w, WatchedState<S>& 
     const bool carries = before == Mode::running || before == Mode::degraded;
     const S pushed = effort - (carries ? w.s.body.weight : S(0));
     next.pushed = (pushed < S(0) ? -pushed : pushed) - w.s.body.drag;
-    next.power = effort * S(0.5) * (w.s.encoder.velocity + w.before.velocity);
   }
   next.drive = w.s.drive;
   next.velocity = w.s.encoder.velocity;
@@ -182,8 +180,8 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
            {"drive_silence", unit::one, W::above, F::drive_silent, "periods without the drive's measurement"}},
       Show{shown.pushed, p.budget.push_limit,
            {"push", unit::effort, W::above, F::push, "command beyond weight and friction"}},
-      Show{shown.power, p.budget.power_limit,
-           {"power", Unit{1, 1, -1}, W::size, F::power, "power of the command"}},
+      Show{s.budget.power, p.budget.power_limit,
+           {"power", Unit{1, 1, -1}, W::size, F::power, "power of the command, smoothed"}},
       Show{s.budget.spent, p.budget.store,
            {"budget_spent", unit::energy, W::above, F::energy, "energy taken from the budget"}},
       Show{s.ringing.size, w.c.ringing.limit,

@@ -3,7 +3,9 @@
 
 #include <pellucid/energy_budget.hpp>
 
+#include <cmath>
 #include <initializer_list>
+#include <limits>
 
 namespace p = pellucid;
 
@@ -42,6 +44,17 @@ template <class S> void power() {
       check(p::step(params, s, S(0.25), effort, way * S(2), S(0), S(9)) == F::none, "at the limit");
       check(p::step(params, s, S(0.25), effort, way * S(2.03125), S(0), S(9)) == F::power, "given or taken");
       check(p::step(params, s, S(0.25), effort, way * S(2.03125), effort, S(9)) == F::power, "of the whole effort");
+      // At 5 ms a quarter of a period's power counts: a reading that is off is nothing, what lasts is all.
+      s = {};
+      check(p::step(params, s, S(0.005), effort, way * S(7), S(0), S(9)) == F::none, "one period beyond");
+      check(std::fabs(s.power - S(0.25) * effort * way * S(7)) < S(1e-5), "a quarter of it");
+      for (int k = 0; k < 99; ++k) p::step(params, s, S(0.005), effort, S(0), S(0), S(9));
+      F found = F::none;
+      int periods = 0;
+      while (found == F::none && periods < 99) found = p::step(params, s, S(0.005), effort, way * S(4), S(0), S(9)), ++periods;
+      check(found == F::power && periods == 3, "twice the limit: 1 - 0.75^n beyond a half");
+      check(p::step(params, s, S(0.005), std::numeric_limits<S>::quiet_NaN(), way, S(0), S(9)) != F::none, "no number is beyond");
+      check(s.power == S(0), "and is not remembered");
     }
   }
 }

@@ -3,7 +3,9 @@
 
 #include <pellucid/safety.hpp>
 
+#include <cmath>
 #include <initializer_list>
+#include <limits>
 
 namespace p = pellucid;
 
@@ -103,25 +105,34 @@ template <class S> void velocity() {
   for (const S way : {S(-1), S(1)}) {
     Gate<S> gate;
     check(gate.c.max_way == S(4) * gate.c.params.period, "way of a period");
-    const S whole = gate.c.max_way, more = S(1.0078125) * whole;
+    const S whole = gate.c.max_way, share = gate.c.smoothing;
+    check(share > S(0) && share < S(0.5) && std::fabs(share - S(125) * gate.c.params.period) < S(1e-6), "125 a second");
     S at = S(0.5);
-    const auto moved = [&](S by, S velocity) {
+    // Moves from a position with a smooth way before.
+    const auto moved = [&](S by, S velocity, S before) {
       at = at + way * by;
+      gate.s.way = way * before;
       gate.step(S(1), at, way * velocity);
       return gate.s.fault;
     };
-    gate.step(S(1), at, S(0));
-    check(moved(more, S(4)) == F::none, "at the limit by the estimate");
-    gate.s.position = at = S(0);
-    check(moved(whole, S(9)) == F::none, "at the limit by the way");
-    check(moved(S(0), S(9)) == F::none && moved(whole * S(0.9375), S(9)) == F::none, "an estimate that overshoots");
-    check(moved(-whole * S(0.9375), S(9)) == F::none, "either way");
-    check(moved(more, S(4.015625)) == F::velocity, "beyond by both");
+    gate.step(S(1), at, S(9));
+    check(gate.s.fault == F::none && gate.s.way == S(0), "the first position is no way");
+    const S more = S(1.0078125) * whole, less = S(0.9921875) * whole;
+    check(moved(more, S(4), more) == F::none, "at the limit by the estimate");
+    check(moved(less, S(9), less) == F::none && moved(-less, S(9), -less) == F::none, "an estimate that overshoots");
+    check(moved(S(2) * whole, S(9), S(0)) == F::none, "one reading that is far off");
+    check(std::fabs(gate.s.way - way * share * S(2) * whole) < S(1e-5) * whole, "counts by its share");
+    check(moved(more, S(4.015625), more) == F::velocity, "beyond by both");
     p::reset(gate.s);
-    check(moved(-more, S(4.015625)) == F::velocity, "either way");
+    check(moved(-more, S(4.015625), -more) == F::none, "after a reset the first reading is no way");
+    check(moved(-more, S(4.015625), -more) == F::velocity, "either way");
     p::reset(gate.s);
-    gate.s.position = at;
-    check(moved(more, S(-4.015625)) == F::velocity, "whatever the sign of the estimate");
+    moved(more, S(0), more);
+    check(moved(more, S(-4.015625), more) == F::velocity, "whatever the sign of the estimate");
+    p::reset(gate.s);
+    const S kept = gate.s.way;
+    gate.step(S(1), std::numeric_limits<S>::quiet_NaN(), S(0));
+    check(gate.s.fault == F::not_finite && gate.s.way == kept && gate.s.position == at, "what is no number is no way");
   }
 }
 

@@ -382,17 +382,21 @@ struct Seen {
 void slow_watches() {
   Params r;
   r.budget.power_limit = 4;
+  const S share = p::power_rate * 2 * period;
   for (const S way : {-1.0, 1.0})
     for (const M mode : modes) {
+      // What the smooth power must be for two periods of 2 N m at 2 rad/s to end at the limit: the limit itself.
       Seen seen(r);
       seen.starts(1);
       seen.s.drive.asked = way * 3, seen.s.drive.asked_before = way;
-      check(seen.at(3, 1, mode) == F::none, "at the limit");
+      seen.s.budget.power = way * 4;
+      check(seen.at(3, 1, mode) == F::none && seen.s.budget.power == way * 4, "at the limit");
       seen.at(1, 2, mode);
       seen.s.drive.asked = way * (3 + more);
-      check(seen.at(3, 2, mode) == F::none, "not looked at");
+      check(seen.at(3, 2, mode) == F::none && seen.s.budget.power == way * 4, "not looked at");
       seen.at(1, 2, mode);
       check(seen.at(3, 3, mode) == F::power, "beyond");
+      check(std::fabs(seen.s.budget.power - way * (4 + share * more)) < 1e-12, "by the mean effort at the mean velocity");
       check(seen.s.other_velocity == 3, "velocity of the period before");
     }
   r = {};
@@ -1133,7 +1137,7 @@ void start_up() {
     one.test = {effort, 64, 2, low, high};
     Rig<> joint(one);
     S largest = 0;
-    for (int i = 0; i < 400 && joint.mode() == M::start_up; ++i) {
+    for (int i = 0; i < 800 && joint.mode() == M::start_up; ++i) {
       const S last = joint.out.effort;
       joint.speed = answer * last;
       joint.run(1);

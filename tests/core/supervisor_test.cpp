@@ -477,7 +477,7 @@ template <class S> void start_up(S gain, F wanted) {
     if (k == 0) check(rig.out.mode == M::start_up, "a test first");
   }
   check(rig.out.fault == wanted, p::safety_fault_names[static_cast<std::size_t>(wanted)]);
-  check(impulse < S(0.2), "with little impulse");
+  check(impulse < S(0.3), "with little impulse");
 }
 
 void power_of_the_drive() {

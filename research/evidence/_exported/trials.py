@@ -301,7 +301,7 @@ def commissioned_bounds(law: ExportedLaw, run: Mapping[str, float], seed: int, i
     """Return the bounds of the test at start-up of a robot that was commissioned on another wearer, without tremor."""
     other = draw_run(law, index + COMMISSIONING_INDEX, seed)
     person = {name: value for name, value in other.items() if name.startswith(WEARER_PREFIXES)}
-    commissioned = {**run, **person, "tremor_amplitude": 0.0, "kind": -1.0, "seconds": COMMISSIONING_S}
+    commissioned = {**run, **person, "tremor_amplitude": 0.0, "kind": 0.0, "seconds": COMMISSIONING_S}
     result = play(law, [commissioned])[0].result
     if not result["answer"] > 0.0:
         return {}
