@@ -5,7 +5,7 @@
 // friction it is less or more by a factor, far more is a wrong gain. A joint whose weight rests on its friction may move
 // in the other half alone. That half then decides: with the wrong polarity it cannot return more than the first half
 // took. The test waits for rest, without effort, for as long as that takes. A wearer who trembles may do part of the work:
-// a gain is wrong if five waves say so, one after the other. The law takes over from a joint that has had time to come to
+// a gain is wrong if up to five waves say so, one after the other. The law takes over from a joint that has had time to come to
 // rest again: one that the wave still moves would meet the law's first effort as a kick.
 #pragma once
 
@@ -15,7 +15,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// Waves of which each must show a wrong gain.
+/// Waves of which each must show a wrong gain; one that is half as much again beyond counts twice.
 constexpr std::uint32_t start_up_waves = 5;
 
 template <class S> struct StartUpTestParams {
@@ -60,7 +60,7 @@ template <class S> struct StartUpTestState {
   S pushed{};                ///< the last effort [N m]
   S work{};                  ///< so far [J]
   S middle{};                ///< by the middle of the wave [J]
-  std::uint32_t waves = 0;   ///< that showed a wrong gain so far
+  std::uint32_t waves = 0;   ///< that showed a wrong gain so far, by their weight
 };
 
 /// Whether the joint hardly moved by the middle of the wave, so that the second half decides.
@@ -75,6 +75,11 @@ template <class S> SafetyFault shown(const StartUpTestParams<S>& p, const StartU
   return work <= p.most ? SafetyFault::none : SafetyFault::gain;
 }
 
+/// Waves with a wrong gain, with the one that ends now.
+template <class S> std::uint32_t wrong_waves(const StartUpTestParams<S>& p, const StartUpTestState<S>& s) noexcept {
+  return s.waves + (s.middle > S(1.5) * p.most ? 2 : 1);
+}
+
 /// Takes note of a velocity and goes on one period: the effort of the wave [N m]. `done` becomes true after its last.
 template <class S> S step(const StartUpTestCoefficients<S>& c, StartUpTestState<S>& s, const S& period, const S& velocity,
                           const S& rest, bool& done) noexcept {
@@ -87,13 +92,13 @@ template <class S> S step(const StartUpTestCoefficients<S>& c, StartUpTestState<
   if (s.count == c.params.samples) s.middle = s.work;
   // What is wrong by the middle is not gone on with, but for a gain that another wave shall confirm: the second half brings
   // the joint to rest.
-  const bool again = s.waves + 1 < start_up_waves && s.middle > c.params.most;
+  const bool may_repeat = wrong_waves(c.params, s) < start_up_waves, again = may_repeat && s.middle > c.params.most;
   const bool wrong = !(s.middle >= c.params.least && s.middle <= c.params.most) && !hardly_moved(c.params, s) && !again;
   const bool over = s.count >= 2 * c.params.samples;
   const bool waits = over && s.count - 2 * c.params.samples < c.params.rest && shown(c.params, s) == SafetyFault::none;
   done = (over && !waits) || (s.count == c.params.samples && wrong);
-  if (done && s.waves + 1 < start_up_waves && shown(c.params, s) == SafetyFault::gain) {
-    const std::uint32_t waves = s.waves + 1;
+  if (done && may_repeat && shown(c.params, s) == SafetyFault::gain) {
+    const std::uint32_t waves = wrong_waves(c.params, s);
     s = {};
     s.waves = waves;
     done = false;
