@@ -262,7 +262,7 @@ WEARER_TORQUE_SHARE = 0.15
 WEARER_PUSH_SHARE = 0.96
 """Largest momentary torque of a wearer, as a share of the law's effort limit [1]."""
 
-WEARER_ACCELERATION_TIMES_S = (0.5, 0.1)
+WEARER_ACCELERATION_TIMES_S = (0.5, 0.065)
 """Times in which a wearer may accelerate the robot alone to its velocity limit, by a lasting and by a momentary
 torque."""
 
@@ -750,8 +750,9 @@ def unheard_energies(numbers: Mapping[str, float]) -> tuple[float, float, float]
     body = {name.removeprefix("body_"): value for name, value in numbers.items() if name.startswith("body_")}
     weight, limit, travel = weight_of(body), numbers["effort_limit"], numbers["probe_travel"]
     exchanged = numbers["push_limit"] - limit  # weight of the wearer that the law carries, or of the robot left
-    steady = min(carried_weight(numbers, weight) + body_resistance(body, 0.0, weight) + exchanged, limit)
-    return stuck_effort(numbers["drive_limit"], limit) * travel, 2.0 * steady * travel, steady * travel
+    moving = body_resistance(body, numbers["velocity_limit"], weight)
+    largest = min(carried_weight(numbers, weight) + moving + exchanged, limit)
+    return stuck_effort(numbers["drive_limit"], limit) * travel, 2.0 * largest * travel, largest * travel
 
 
 def body_friction(law: ControlLaw, weight: float) -> dict[str, float]:
@@ -841,7 +842,7 @@ def encoder_watch(instruments: CompleteInstruments, low: float, high: float, per
         "range_min": low - POSITION_RANGE_MARGIN,
         "range_max": high + POSITION_RANGE_MARGIN,
         "encoder_resolution": instruments.encoder_resolution,
-        "freeze_speed": MAX_GRIP_DECELERATION * period,
+        "freeze_speed": MAX_GRIP_DECELERATION * period + instruments.encoder_resolution / period,
         "freeze_samples": max(2.0, round(ENCODER_FREEZE_S / period)),
         "joint_expected": float(instruments.joint_encoder),
         "joint_tolerance": instruments.joint_tolerance,
