@@ -233,7 +233,7 @@ def _blocks(
         way = np.float32(2e-7 * period * max(i - 6, 0))
         return replace(row, read=tuple(replace(each, value=way) for each in row.read))
 
-    yield "start_up", slide, 60
+    yield "start_up", slide, 90
     # The supervisor checks twelve words of memory in every fourth period: this is enough to check all of them twice.
     through = min(4 * -(-_core.tree_law_storage(len(values.law.card.links)) // (4 * 8)), MOTION_STEPS - 5)
     yield "law", lambda i, row: replace(row, before=MEMORY_EVENT) if i == 4 else row, 4 + through
