@@ -44,6 +44,7 @@ from .study.terminal import (
     print_next,
     print_short_table,
     print_steps,
+    print_wrapped,
     replace_unprintable_characters,
     set_quiet,
     set_verbose,
@@ -227,7 +228,7 @@ def try_files(
         console = make_console()
         before, (heads, rows), after = tried_lines(tried)
         for text in before:
-            print_line(console, text)
+            print_wrapped(console, text)
         if rows:
             print_short_table(console, heads, rows)
         print_lines(console, after, MAX_ASSUMPTION_LINES, "further assumption")
@@ -639,7 +640,7 @@ def export(
     probe: Annotated[
         bool | None,
         typer.Option(
-            "--probe/--no-probe", help="Ask drive and encoder with a small wave; usual where the drive is not measured."
+            "--probe/--no-probe", help="Test drive and encoder with waves of effort; default if the drive is not measured."
         ),
     ] = None,
     unmeasured: Annotated[
@@ -674,7 +675,7 @@ def export(
     answer = export_answer(study, to, made, card=card, measured=found)
     print_answer(console, answer)
     if in_c and found is None:
-        print_line(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")
+        print_wrapped(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")
     elif found is not None:
         print_line(console, f"On a Cortex-M4F in QEMU: {found.text}.")
     try:
@@ -684,7 +685,8 @@ def export(
     except (OSError, PellucidError) as error:
         print_line(console, f"Not noted in {study.results_path}: {error}.")
     if answer.next_command:
-        print_line(console, f"{made}: read README.md there. Next: {answer.next_command}")
+        print_line(console, f"{made}: read README.md there.")
+        print_line(console, f"Next: {answer.next_command}")
     else:
         print_steps(console, answer)
 
@@ -742,7 +744,7 @@ def commission(
     console = make_console()
     print_answer(console, done.answer)
     for line in done.lines():
-        print_line(console, line)
+        print_wrapped(console, line)
     print_line(console, f"Next: {done.answer.next_command or done.answer.next[0].text}")
     if done.problem:
         exit_with_message(done.problem, 1)

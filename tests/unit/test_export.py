@@ -28,7 +28,7 @@ from pellucid.controllers.export.replay_vector import SUPERVISOR_VARIANTS
 from pellucid.controllers.instruments import COMMISSIONING_CONDITION, Instruments
 from pellucid.controllers.residual_compensator import design
 from pellucid.controllers.supervised import PROBE_ANSWER_ERROR, PROBE_ANSWER_NAMES, SUPERVISOR_NAMES, unheard_energies
-from pellucid.controllers.supervisor_faults import UNMEASURED_FAULTS, warn_of_unmeasured_drive
+from pellucid.controllers.supervisor_faults import UNMEASURED_FAULTS, UNSEEN_FAULTS, describe_drive_watch
 from pellucid.models.card import CardParameter, ModelCard, write_card
 from pellucid.models.slider_joint import SliderCard
 from pellucid.study.exporter import core_headers, needed_headers
@@ -139,7 +139,7 @@ def test_a_probe_is_exported_and_answers_as_recorded(study):
     words = (folder / "README.md").read_text(encoding="utf-8").split()
     # Recordings need not be zero where the joint hangs.
     assert "the joint's encoder, with zero and sign as in the recordings" in " ".join(words)
-    assert re.search(r"waves of effort of up to [0-9.]+ N\*m at \d+, \d+ and \d+ Hz", " ".join(words))
+    assert re.search(r"waves of effort of up to [0-9.]+ N\*m \(\d+ % of the effort limit\) at \d+, \d+ and \d+ Hz", " ".join(words))
     assert "responses in the first movement after each start are the reference" in " ".join(words)
 
 
@@ -152,7 +152,16 @@ def test_a_probes_answer_at_commissioning_is_exported(study, unplayed):
     assert tuple(numbers[name] for name in PROBE_ANSWER_NAMES) == answer
     assert numbers["probe_answer_error"] == pytest.approx(PROBE_ANSWER_ERROR)
     readme = " ".join((folder / "README.md").read_text(encoding="utf-8").split())
-    assert "| answer to the probe at commissioning | stated | from study.toml |" in readme
+    assert "| answer to the probe at commissioning | used | from study.toml |" in readme
+    # Windows of another duration: the export took no notice of the answer, and called it stated.
+    other = path.read_text(encoding="utf-8").replace("probe_answer =", 'probe_window = "0.5 s"\nprobe_answer =', 1)
+    path.write_text(other, encoding="utf-8")
+    folder = pellucid.export(pellucid.open(study.folder))
+    assert read_constants(folder)["probe_answer_error"] == 0.0
+    listed = (folder / "README.md").read_text(encoding="utf-8")
+    assert "| answer to the probe at commissioning | not used: the windows of this export last " in listed
+    path.write_text(other.replace('probe_window = "0.5 s"\n', "", 1), encoding="utf-8")
+    folder = pellucid.export(pellucid.open(study.folder))
     assert "compares the responses with probe_answer" in readme
     assert "first movement after each start" not in readme
 
@@ -178,7 +187,7 @@ def test_an_export_that_cannot_see_its_drive_asks_it(study, unplayed):
     """By a probe, unless somebody says twice that it shall not; each fault that is then not found is named."""
     folder = pellucid.export(study)
     assert read_constants(folder)["probe_effort"] > 0.0
-    assert "the supervisor tests it with a probe" in export_answer(study, "c", folder).sentence
+    assert "A probe tests the drive" in export_answer(study, "c", folder).sentence
     said = r"neither measured nor probed, .* --unmeasured .* reversed polarity: detected"
     with pytest.raises(PellucidError, match=said):
         pellucid.export(study, probe=False)
@@ -186,7 +195,12 @@ def test_an_export_that_cannot_see_its_drive_asks_it(study, unplayed):
     assert read_constants(blind)["probe_effort"] == 0.0
     answer = export_answer(study, "c", blind)
     assert answer.badge == "Yes (limited fault detection)"
-    assert all(fault in answer.sentence for fault in UNMEASURED_FAULTS)
+    assert [line for line in answer.details if line[2:] in UNMEASURED_FAULTS] == [f"- {f}" for f in UNMEASURED_FAULTS]
+    # Energies of simulated elbows alone stood there, for a robot of any size.
+    stuck, wrong, dead = unheard_energies(read_constants(blind))
+    own = [float(re.search(r"about (\S+) J", line)[1]) for line in answer.details[1:4]]
+    assert answer.details[0].startswith("Energy of an undetected fault on this robot")
+    assert own == pytest.approx([stuck, wrong, dead], rel=0.1)
 
 
 @pytest.mark.parametrize("to", ["c", "fmu", "ros2_control"])
@@ -194,7 +208,8 @@ def test_each_form_of_a_law_says_what_it_protects_from(study, to, unplayed):
     """A package for ros2_control said nothing of an unmeasured drive."""
     numbers = read_constants(pellucid.export(study))
     answer = export_answer(study, to, pellucid.export(study, to, overwrite=True))
-    assert answer.sentence == warn_of_unmeasured_drive(numbers)
+    watch = describe_drive_watch(numbers)
+    assert (answer.sentence, answer.details) == (f"{watch.said}.", watch.details)
     assert answer.basis is not None
     assert answer.basis.counted == "model card"
     assert answer.next
@@ -212,10 +227,55 @@ def test_the_energy_of_faults_is_that_of_the_exported_robot():
         stuck, wrong, dead = unheard_energies(numbers)
         assert stuck == pytest.approx(0.5 * robot["effort_limit"] * numbers["probe_travel"])
         assert wrong == 2.0 * dead == pytest.approx(2.0 * robot["gravity_sine"] * numbers["probe_travel"], rel=0.05)
-        said.append(warn_of_unmeasured_drive(numbers))
-    assert "about 4.6 J if the effort is stuck" in said[0]
-    assert "about 32 J if the effort is stuck" in said[1]
-    assert "70 J with reversed polarity or three times the effort, and 35 J without effort" in said[1]
+        said.append(describe_drive_watch(numbers).details)
+    assert "- effort stuck at half of its limit: about 4.6 J" in said[0]
+    assert said[1][1:4] == (
+        "- effort stuck at half of its limit: about 32 J",
+        "- reversed polarity or three times the effort: about 70 J",
+        "- no effort: about 35 J",
+    )
+
+
+def watched(**changes):
+    robot = {"inertia": 1.1, "gravity_sine": 44.0, "effort_limit": 80.0, "velocity_limit": 8.0, "period": 1e-3,
+             "rate_limit": 8000.0, "position_min": -math.inf, "position_max": math.inf}  # fmt: skip
+    values = LAWS["joint"].defaults | robot | changes
+    return values | pellucid.supervised(ControlLaw("joint", values), instruments=Instruments()).supervision
+
+
+def test_without_a_probe_the_energy_is_that_of_a_movement_of_this_robot():
+    numbers = watched(position_min=-1.0, position_max=1.0)
+    assert unheard_energies(numbers)[0] == pytest.approx(40.0 * 2.0)
+    details = describe_drive_watch(numbers).details
+    assert details[0] == "Energy of an undetected fault on this robot, over the range of positions:"
+    assert details[1] == "- effort stuck at half of its limit: about 80 J"
+    unlimited = describe_drive_watch(watched()).details
+    assert unlimited[:2] == (
+        "Energy of an undetected fault on this robot, over 1 rad:",
+        "- effort stuck at half of its limit: about 40 J",
+    )
+    assert "not known in J" in describe_drive_watch(numbers, "A").details[0]
+
+
+def test_the_start_up_wave_is_told_with_its_size_and_a_warning():
+    """A wave of half of the effort limit was called small."""
+    numbers = watched()
+    share, duration = 100.0 * numbers["test_effort"] / 80.0, 2e3 * numbers["test_samples"] * 1e-3
+    size, warning = describe_drive_watch(numbers).details[-2:]
+    assert size.endswith(f" N·m, {share:.0f} % of the effort limit, {duration:.0f} ms.")
+    assert warning == "The wearer feels it: warn them before each start."
+    calm = describe_drive_watch({**numbers, "test_effort": 4.0}).details
+    assert calm[-1].startswith("Start-up wave: 4 N·m, 5 % of the effort limit")
+
+
+@pytest.mark.parametrize("changes", [{}, {"position_min": -1.0, "position_max": 1.0}])
+@pytest.mark.parametrize("drive", [{"drive_expected": 1.0}, {"probe_effort": 1.0, "probe_travel": 0.8}, {}])
+def test_lines_of_an_export_fit_a_terminal_and_say_nothing_twice(drive, changes):
+    """One paragraph had 200 words."""
+    watch = describe_drive_watch({**watched(**changes), "probe_answer_error": 0.0, **drive})
+    assert [line for line in watch.details if len(line) > 80 and line[2:] not in UNSEEN_FAULTS] == []
+    assert len(f"Yes. {watch.said}.") <= 80
+    assert len(set(watch.details)) == len(watch.details)
 
 
 def test_an_export_says_that_its_model_is_in_doubt(study, unplayed):
@@ -245,7 +305,7 @@ def test_a_measured_drive_is_not_asked(study, unplayed):
     assert numbers["shaking_limit"] == pytest.approx(0.016 * numbers["velocity_limit"], rel=1e-6)
     answer = export_answer(study, "c", folder)
     assert answer.badge == "Yes"
-    assert "compares the measured effort of the drive" in answer.sentence
+    assert "compares the drive's measured effort" in answer.sentence
 
 
 def test_a_clock_of_32_bits_may_turn_over(study, tmp_path):
@@ -668,25 +728,28 @@ def test_without_a_measured_drive_the_first_line_says_what_is_not_found(study, u
     path = study.folder / "study.toml"
     folder = pellucid.export(study)
     readme = (folder / "README.md").read_text(encoding="utf-8")
-    warning = warn_of_unmeasured_drive(read_constants(folder))
-    assert readme.splitlines()[2] == f"> **{warning}**"
-    assert export_answer(study, "c", folder).sentence == warning
+    watch = describe_drive_watch(read_constants(folder))
+    assert readme.splitlines()[2] == f"> **{watch.said}.**"
+    assert [line for line in watch.details if f"> {line}\n" not in readme] == []
+    assert export_answer(study, "c", folder).sentence == f"{watch.said}."
     assert "| measurement of the drive's effort | no | assumed, a typical value |" in readme
     assert "The start-up test is not commissioned" in readme
     printed = CliRunner().invoke(app, ["export", str(study.folder)])
     assert printed.exit_code == 0
-    question, said, based_on, *_ = printed.stdout.splitlines()
+    question, said, *_ = printed.stdout.splitlines()
+    assert max(map(len, printed.stdout.splitlines()[:-2])) <= 80
     assert question == "Can this controller be exported, and what does it protect from?"
-    assert said == f"Yes. {warning}"
-    assert based_on == "Based on 1 model card."
+    assert said == f"Yes. {watch.said}."
+    assert "\nBased on 1 model card.\n" in printed.stdout
     (stored,) = json.loads(study.results_path.read_text(encoding="utf-8"))["answers"]
     assert (stored["command"], stored["procedure"]) == ("export", "c")
-    assert (stored["verdict"], stored["said"]) == ("yes", warning)
+    assert (stored["verdict"], stored["said"]) == ("yes", f"{watch.said}.")
+    assert stored["details"] == list(watch.details)
     stated = '[rig.instruments]\nstart_up_answer = "14 mJ"\n[rig.instruments.drive_sensor]\noffset = "0.2 N*m"\n'
     path.write_text(path.read_text(encoding="utf-8").replace("[channels]", f"{stated}[channels]", 1), encoding="utf-8")
     folder = pellucid.export(pellucid.open(study.folder))
     readme = (folder / "README.md").read_text(encoding="utf-8")
-    assert warning not in readme
+    assert watch.said not in readme
     assert "| its offset | 0.2 N*m | from study.toml |" in readme
     assert "not commissioned" not in readme
     numbers = read_constants(folder)

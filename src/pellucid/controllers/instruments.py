@@ -88,7 +88,7 @@ class Instruments:
         Amplitude of the wave that gave `start_up_answer` [N m or N]: a control law with another wave does not use the
         answer. None: that of the control law.
     probe : bool or None
-        Whether a small wave of effort may test encoder and drive while the law runs. None: an export decides, by
+        Whether a wave of effort may test encoder and drive while the law runs. None: an export decides, by
         whether the drive is measured; elsewhere it does not.
     probe_answer : sequence of float or None
         Answers to the probe's three waves at commissioning, with a drive and an encoder known to be right: real and

@@ -7,7 +7,7 @@ tolerance for the force sensor's gain has no such margin.
 
 Amplitude and window of the supervisor's probe, from the body, the encoder, the control period and the limit.
 
-The probe is a small wave of effort with three frequencies. The encoder's acceleration must answer it, so that a
+The probe is a wave of effort with three frequencies. The encoder's acceleration must answer it, so that a
 reversed, dead, late or wrongly scaled drive or encoder is found without a measurement of the drive.
 """
 
@@ -663,7 +663,7 @@ def supervised(
         SI; missing numbers are 0. None takes the body from the law's own numbers. An inertia of 0 switches off the
         watches that need a model. A load that the law states is added.
     start_up : bool
-        Whether a small wave of effort tests polarity and gain at start-up. There is no test where the law's effort
+        Whether a wave of effort tests polarity and gain at start-up. There is no test where the law's effort
         limit is too small to move the joint; the supervisor's number ``test_effort`` is then 0.
     rest_friction : float or None
         Friction of the joint at rest as it was identified, which the wave of that test must overcome [N m or N]; None
@@ -745,10 +745,14 @@ def unheard_energies(numbers: Mapping[str, float]) -> tuple[float, float, float]
     """Return the energies that faults of a drive may give over the way that it may go unheard [J].
 
     They are of a drive stuck at half of its largest effort, of a reversed one or one with three times the gain, and of
-    one without effort. `numbers` are those of a law with a probe and of its supervisor, by name.
+    one without effort. Without a probe the way is the range of positions, or 1 rad or m where that is unlimited.
+    `numbers` are those of a law and of its supervisor, by name.
     """
     body = {name.removeprefix("body_"): value for name, value in numbers.items() if name.startswith("body_")}
     weight, limit, travel = weight_of(body), numbers["effort_limit"], numbers["probe_travel"]
+    if not numbers["probe_effort"] > 0.0:
+        span = numbers["position_max"] - numbers["position_min"]
+        travel = span if math.isfinite(span) else 1.0
     exchanged = numbers["push_limit"] - limit  # weight of the wearer that the law carries, or of the robot left
     moving = body_resistance(body, numbers["velocity_limit"], weight)
     largest = min(carried_weight(numbers, weight) + moving + exchanged, limit)

@@ -7,6 +7,7 @@ here. The end of the catalogue lists detection rates of drive faults without a m
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -102,7 +103,7 @@ SUPERVISOR_FAULTS: tuple[SupervisorFault, ...] = (
     ),
     SupervisorFault(
         ("unanswered", "late_answer"),
-        "the moving joint does not respond to the small waves of the probe, or responds too late",
+        "the moving joint does not respond to the waves of the probe, or responds too late",
         _POWER_OFF,
         "Without a wearer, check that drive and encoder work and that the control task meets its deadline.",
     ),
@@ -189,54 +190,92 @@ SIMULATED_ROBOTS = "simulated elbow robots with an effort limit of 10 N·m"
 """Robots on which drive faults were tried."""
 
 
-def describe_drive_watch(numbers: Mapping[str, float]) -> str:
-    """Return which faults of a drive the supervisor of one joint detects.
+LARGE_WAVE_SHARE = 0.25
+"""Share of the effort limit from which the wearer is warned of the start-up wave [1]."""
 
-    `numbers` are those of the law and of its supervisor, by name.
+
+@dataclass(frozen=True)
+class DriveWatch:
+    """What the supervisor of one joint does about faults of its drive: a sentence, and short lines."""
+
+    said: str
+    details: tuple[str, ...]
+
+
+def describe_drive_watch(numbers: Mapping[str, float], effort_unit: str = "N*m") -> DriveWatch:
+    """Return how far the supervisor of one joint limits faults of its drive: first on this robot, then in simulation.
+
+    `numbers` are those of the law and of its supervisor, by name; `effort_unit` is that of its efforts.
     """
-    if numbers["drive_expected"] != 1.0:
-        return warn_of_unmeasured_drive(numbers)
-    return (
-        "The supervisor compares the measured effort of the drive with its command. Detection of drive faults on "
-        f"{SIMULATED_ROBOTS}, with the largest excess energy delivered to the wearer: {'; '.join(MEASURED_FAULTS)}. A "
-        f"measurement that has the fault of the drive hides it: {'; '.join(UNSEEN_FAULTS)}."
-    )
+    lines = [] if numbers["drive_expected"] == 1.0 else _energy_lines(numbers, effort_unit)
+    if numbers["drive_expected"] == 1.0:
+        said = "The supervisor compares the drive's measured effort with its command"
+        lines += [f"On {SIMULATED_ROBOTS}:", *_listed(MEASURED_FAULTS)]
+        lines += ["A current sensor that is wrong by the drive's own factor hides its fault:", *_listed(UNSEEN_FAULTS)]
+        lines += ["Use a sensor outside the drive's control loop to detect it."]
+    else:
+        probed = numbers["probe_effort"] > 0.0
+        said = "A probe tests the drive, which has no measured effort" if probed else "Nothing tests the running drive"
+        condition = "commissioned " if probed else ""
+        lines += [f"On {condition}{SIMULATED_ROBOTS}:", *_listed(PROBED_FAULTS if probed else UNMEASURED_FAULTS)]
+        lines += [f"With a measured effort there: {_together(MEASURED_FAULTS)}."]
+        lines += ["If the drive measures its effort, add [rig.instruments.drive_sensor]."]
+    return DriveWatch(said, (*lines, *start_up_wave_lines(numbers, effort_unit)))
 
 
-def warn_of_unmeasured_drive(numbers: Mapping[str, float]) -> str:
-    """Return the limits of fault detection without a drive measurement, with a probe or without one.
+def start_up_wave_lines(numbers: Mapping[str, float], effort_unit: str) -> tuple[str, ...]:
+    """Return the size of the start-up wave, and a warning where the wearer feels it; () without a wave."""
+    effort, limit = numbers["test_effort"], numbers["effort_limit"]
+    if not effort > 0.0:
+        return ()
+    unit, duration = effort_unit.replace("*", "·"), 2e3 * numbers["test_samples"] * numbers["period"]
+    size = f"Start-up wave: {effort:.3g} {unit}, {100.0 * effort / limit:.0f} % of the effort limit, {duration:.0f} ms."
+    is_large = effort >= LARGE_WAVE_SHARE * limit
+    return (size, *(("The wearer feels it: warn them before each start.",) if is_large else ()))
 
-    `numbers` are those of the law and of its supervisor, by name.
-    """
-    measured = (
-        f"With a drive measurement: {'; '.join(MEASURED_FAULTS)}. Add [rig.instruments.drive_sensor] and export again."
-    )
+
+def _energy_lines(numbers: Mapping[str, float], effort_unit: str) -> list[str]:
+    """Return the energies of undetected faults of a drive on this robot, for what they hold, and how to reduce them."""
+    if effort_unit not in DISTANCE_UNITS:
+        return [f"The effort is in {effort_unit}: the energy of a fault on this robot is not known in J."]
+    named = zip(UNHEARD_FAULTS, unheard_energies(numbers), strict=True)
+    listed = [f"- {name}: about {f'{one:.2g}' if one < 10.0 else f'{one:.0f}'} J" for name, one in named]
     if numbers["probe_effort"] > 0.0:
-        return (
-            "The drive reports no measured torque or current, so that the supervisor tests it with a probe, which the "
-            f"wearer may feel. {_bound_of_energies(numbers)}Detection of drive faults on commissioned "
-            f"{SIMULATED_ROBOTS}, with the largest excess energy delivered to the wearer: {'; '.join(PROBED_FAULTS)}. "
-            f"{measured}"
-        )
-    return (
-        "Limited fault detection: the drive reports no measured torque or current. The supervisor missed many drive "
-        f"faults of {SIMULATED_ROBOTS}. Detection rates, with the largest excess energy delivered to the wearer: "
-        f"{'; '.join(UNMEASURED_FAULTS)}. {measured}"
-    )
+        if not math.isfinite(numbers["probe_travel"]):
+            return ["Without a velocity limit the energy of a fault is not bounded: set one in [rig.limits]."]
+        known = numbers["probe_answer_error"] > 0.0
+        head = "Largest energy of a fault on this robot" + ("" if known else ", once commissioned")
+        before = () if known else ("Before, it may miss faults in the first movement: run pellucid commission.",)
+        return [f"{head}:", *listed, "A lower velocity limit in [rig.limits] reduces it.", *before]
+    low, high = numbers["position_min"], numbers["position_max"]
+    is_limited = math.isfinite(low) and math.isfinite(high)
+    head = "over the range of positions" if is_limited else f"over 1 {DISTANCE_UNITS[effort_unit]}"
+    advice = () if is_limited else ("State position_min and position_max in [rig.limits]: they limit a movement.",)
+    return [
+        f"Energy of an undetected fault on this robot, {head}:",
+        *listed,
+        "Each movement may add as much: the supervisor does not bound the sum.",
+        *advice,
+        "A lower effort limit in [rig.limits] reduces it; a probe (--probe) bounds it.",
+    ]
 
 
-def _bound_of_energies(numbers: Mapping[str, float]) -> str:
-    if not math.isfinite(numbers["probe_travel"]):
-        return "Without a velocity limit the energy of its faults is not bounded. "
-    stuck, wrong, dead = (f"{energy:.2g}" if energy < 10.0 else f"{energy:.0f}" for energy in unheard_energies(numbers))
-    known = numbers["probe_answer_error"] > 0.0
-    when = "On this robot" if known else "On this robot, once commissioned,"
-    before = "" if known else " Before, faults in the first movement may stay undetected."
-    return (
-        f"{when} the supervisor limits the energy to about {stuck} J if the effort is stuck at half of its limit, "
-        f"{wrong} J with reversed polarity or three times the effort, and {dead} J without effort. A lower velocity "
-        f"limit in [rig.limits] reduces it.{before} "
-    )
+DISTANCE_UNITS: Mapping[str, str] = {"N*m": "rad", "N": "m"}
+"""Unit of the way over which an effort does work, by the unit of the effort."""
+
+UNHEARD_FAULTS = ("effort stuck at half of its limit", "reversed polarity or three times the effort", "no effort")
+"""Faults of a drive whose energies `unheard_energies` returns."""
+
+
+def _listed(faults: tuple[str, ...]) -> list[str]:
+    return [f"- {fault}" for fault in faults]
+
+
+def _together(faults: tuple[str, ...]) -> str:
+    """Return the runs and the largest energy of all `faults` that a tuple of this module states."""
+    found = [re.search(r"detected in (\d+) of (\d+) runs, up to (\S+) J", fault) for fault in faults]
+    detected, runs, energies = zip(*(one.groups() for one in found if one is not None), strict=True)
+    return f"detected in {sum(map(int, detected))} of {sum(map(int, runs))} runs, up to {max(energies, key=float)} J"
 
 
 def undetectable_notes(instruments: Instruments, *, has_force_sensor: bool) -> tuple[str, ...]:

@@ -320,6 +320,8 @@ class Answer:
         Whether the verdict is the same in any scale of the numbers, as that on a relative error is.
     qualifier : str
         What limits the verdict, such as ``"post hoc"``; it stands on the badge.
+    details : tuple of str
+        Short lines that follow the sentence.
     """
 
     question: str
@@ -334,6 +336,7 @@ class Answer:
     is_unconfirmed: bool = False
     is_relative: bool = False
     qualifier: str = ""
+    details: tuple[str, ...] = ()
 
     @property
     def is_answered(self) -> bool:
@@ -382,6 +385,7 @@ class Answer:
             "verdict": self.verdict,
             "qualifier": self.qualifier,
             "said": begun(self.sentence),
+            "details": list(self.details),
             "reason": plain_text(self.reason),
             "parts": [asdict(part) for part in self.parts],
             "numbers": [_number_table(number) for number in self.numbers],
@@ -490,8 +494,9 @@ def with_assumed(answer: Answer, assumed: Sequence[Assumption]) -> Answer:
 
 
 def answer_lines(answer: Answer) -> tuple[str, ...]:
-    """Return an answer in lines of text: question, verdict with its sentence, basis and assumptions."""
-    return (answer.question, f"{answer.badge}. {typeset_quantities(begun(answer.sentence))}", *answer.based_on)
+    """Return an answer in lines of text: question, verdict with its sentence, details, basis and assumptions."""
+    said = f"{answer.badge}. {typeset_quantities(begun(answer.sentence))}"
+    return (answer.question, said, *answer.details, *answer.based_on)
 
 
 def next_lines(steps: Iterable[Step]) -> tuple[str, ...]:

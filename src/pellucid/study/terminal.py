@@ -114,6 +114,17 @@ def print_line(out: Console, text: str) -> None:
     out.print(text, markup=False, soft_wrap=True)
 
 
+def print_wrapped(out: Console, text: str) -> None:
+    """Print a text in lines of the terminal's width; a word, such as a path, is not cut."""
+    from textwrap import wrap
+
+    # Rich breaks long words, and fills lines with spaces.
+    indent = "  " if text.startswith(("- ", "  ")) else ""
+    lines = wrap(text, out.width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    for line in lines or [""]:
+        print_line(out, line)
+
+
 @contextmanager
 def show_progress() -> Iterator[Callable[[str, float], None]]:
     """Show a progress bar on standard error; without a terminal, print a line every two seconds.
@@ -268,10 +279,11 @@ def print_json(result: Result) -> None:
 
 
 def print_answer(out: Console, answer: Answer) -> None:
-    """Print an answer: question, verdict with its sentence, basis."""
+    """Print an answer: question, verdict with its sentence, basis; long lines are wrapped."""
     from .answer import answer_lines
 
-    print_line(out, "\n".join(answer_lines(answer)))
+    for text in answer_lines(answer):
+        print_wrapped(out, text)
 
 
 def print_steps(out: Console, answer: Answer, max_lines: int = MAX_STEP_LINES) -> None:
@@ -349,7 +361,7 @@ def print_lines(out: Console, lines: Sequence[str], max_lines: int, noun: str) -
         taken = list(accumulate(max(-(-len(line) // out.width), 1) for line in lines))
         kept = max(sum(each <= max_lines for each in taken), 1)
     for line in lines[:kept]:
-        print_line(out, line)
+        print_wrapped(out, line)
     if len(lines) > kept:
         print_line(out, f"  and {count_of(len(lines) - kept, noun)}, which -v prints")
 

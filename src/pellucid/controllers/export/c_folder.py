@@ -38,7 +38,7 @@ from ...study.exporter import (
 )
 from ..control_law import LAWS, LawSensor
 from ..supervised import SUPERVISOR_NAMES
-from ..supervisor_faults import SUPERVISOR_FAULTS, warn_of_unmeasured_drive
+from ..supervisor_faults import SUPERVISOR_FAULTS, describe_drive_watch
 from .controller_values import ControllerValues
 from .replay_vector import SUPERVISOR_VARIANTS, replay_vector
 
@@ -108,9 +108,8 @@ def c_content(study: str, values: ControllerValues) -> dict[str, Any]:
         "checksums": values.checksums,
         "notes": values.all_notes,
         "instruments": values.listed_instruments,
-        "unmeasured": ""
-        if values.instruments.drive
-        else warn_of_unmeasured_drive({**values.numbers, **values.supervised.supervision}),
+        "watch": describe_drive_watch({**values.numbers, **values.supervised.supervision}, values.effort_unit),
+        "is_measured": values.instruments.drive,
         "period": values.numbers["period"],
         "supervision": values.supervised.supervision,
         "supervisor": model_fields("supervisor"),
@@ -249,6 +248,18 @@ def read_constants(folder: Path) -> dict[str, float]:
         return constants_in(read_given(path, MAX_CONSTANTS_BYTES), path)
     except OSError as error:
         raise PellucidError(f"{path}: not readable: {error}") from None
+
+
+def read_effort_unit(folder: Path) -> str:
+    """Return the unit of the efforts of an exported controller of one joint."""
+    return effort_unit_in(read_given(Path(folder) / CONSTANTS_FILE, MAX_CONSTANTS_BYTES))
+
+
+def effort_unit_in(content: bytes) -> str:
+    """Return the unit of the effort limit in the content of that file."""
+    found = re.search(rb"/\* effort_limit \[([^\]]+)\]", content)
+    assert found is not None
+    return found[1].decode()
 
 
 def constants_in(content: bytes, path: Path) -> dict[str, float]:

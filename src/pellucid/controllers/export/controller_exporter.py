@@ -28,6 +28,7 @@ from .c_folder import (
     TEMPLATE_FOLDERS,
     mark_own_folder,
     read_constants,
+    read_effort_unit,
     read_owner,
     require_own_folder,
     template_path,
@@ -35,7 +36,7 @@ from .c_folder import (
 )
 from .controller_values import ControllerValues, joint_values, largest_weight, protect_wearer, tree_values
 from .elbow_values import elbow_values
-from .fmu import FMI_VERSIONS, describe_unit, read_unit_constants, require_own_file, write_fmu
+from .fmu import FMI_VERSIONS, describe_unit, read_unit_constants, read_unit_effort_unit, require_own_file, write_fmu
 from .ros2_package import C_FOLDER, describe_package, package_name, package_paths, write_ros2_package
 from .tree_folder import write_tree_folder
 
@@ -50,6 +51,7 @@ class LawTarget:
     default_place: str  # in the study's folder
     write: Callable[[ExportRequest, ControllerValues, Path, dict[str, str]], Path]
     read_constants: Callable[[Path], dict[str, float]]  # numbers of the law and the supervisor in what was written
+    read_effort_unit: Callable[[Path], str]  # unit of those of them that are efforts
     describe: Callable[[Path], str] | None = None  # None for C, which `pellucid export` measures
 
 
@@ -74,10 +76,11 @@ def _write_ros2(request: ExportRequest, law: ControllerValues, out: Path, owner:
 
 
 LAW_TARGETS: Mapping[str, LawTarget] = {
-    "c": LawTarget("controller", _write_c, read_constants),
-    "fmu": LawTarget("controller.fmu", _write_fmu, read_unit_constants, describe_unit),
+    "c": LawTarget("controller", _write_c, read_constants, read_effort_unit),
+    "fmu": LawTarget("controller.fmu", _write_fmu, read_unit_constants, read_unit_effort_unit, describe_unit),
     "ros2_control": LawTarget(
-        "ros2_control", _write_ros2, lambda place: read_constants(place / C_FOLDER), describe_package
+        "ros2_control", _write_ros2, lambda place: read_constants(place / C_FOLDER),
+        lambda place: read_effort_unit(place / C_FOLDER), describe_package,
     ),
 }
 """What a law of one joint can be written as, by the value of `to`."""
@@ -151,15 +154,16 @@ class LawExporter(ControllerExporter):
 
     def make_answer(self, request: ExportRequest, place: Path) -> Answer:
         """Return the answer, with what the supervisor of the written law detects of a drive's faults."""
-        numbers = LAW_TARGETS[request.to].read_constants(place)
+        target = LAW_TARGETS[request.to]
+        numbers = target.read_constants(place)
         is_measured, probes = numbers["drive_expected"] == 1.0, numbers["probe_effort"] > 0.0
-        said = describe_drive_watch(numbers)
+        watch = describe_drive_watch(numbers, target.read_effort_unit(place))
         doubts = (
             "" if is_measured or probes else "limited fault detection",
             "cannot hold the joint everywhere" if largest_weight(numbers) > numbers["effort_limit"] else "",
         )
         qualifier = ", ".join(filter(None, doubts))
-        return replace(super().make_answer(request, place), said=said, qualifier=qualifier)
+        return replace(super().make_answer(request, place), said=watch.said, details=watch.details, qualifier=qualifier)
 
     def next_step(self, request: ExportRequest, place: Path) -> Step:
         """Return what to do with what was written; the file of a unit holds its README."""

@@ -71,7 +71,7 @@ OTHER_ANSWER_NOTE = (
 
 PROBE_NOTE = (
     "The supervisor probes drive and encoder with waves of effort of up to {size} at {waves}. The wearer hears a hum "
-    "and feels a faint tingling while the controller runs; inform the wearer beforehand. The supervisor compares the "
+    "and feels the waves while the controller runs; inform the wearer beforehand. The supervisor compares the "
     "responses with probe_answer in [rig.instruments]."
 )
 """Note in the exported README if the supervisor probes and its answers at commissioning are known."""
@@ -104,7 +104,7 @@ STILL_NOTE = (
 
 UNCOMMISSIONED_PROBE_NOTE = (
     "The supervisor probes drive and encoder with waves of effort of up to {size} at {waves}. The wearer hears a hum "
-    "and feels a faint tingling while the controller runs; inform the wearer beforehand. Without commissioning, the "
+    "and feels the waves while the controller runs; inform the wearer beforehand. Without commissioning, the "
     "responses in the first movement after each start are the reference: a fault from the start is detected by the "
     "start-up test "
     "only. pellucid commission measures what is right on the robot and states it as probe_answer in "
@@ -155,7 +155,9 @@ class ControllerValues:
             known = supervision["probe_answer_error"] > 0.0
             turns = [cycles / (supervision["probe_samples"] * self.numbers["period"]) for cycles in PROBE_CYCLES]
             waves = "{:.0f}, {:.0f} and {:.0f} Hz".format(*turns)
-            size = f"{2.0 * PROBE_CREST * supervision['probe_effort']:.2g} {self.effort_unit}"
+            largest = 2.0 * PROBE_CREST * supervision["probe_effort"]
+            share = 100.0 * largest / self.numbers["effort_limit"]
+            size = f"{largest:.2g} {self.effort_unit} ({share:.0f} % of the effort limit)"
             note = PROBE_NOTE if known else UNCOMMISSIONED_PROBE_NOTE
             notes = (*notes, note.format(size=size, waves=waves))
         unit, limit = COORDINATE_UNITS[self.motion], self.numbers["effort_limit"]
@@ -190,6 +192,8 @@ class ControllerValues:
             effort=self.effort_unit,
             spring=LAWS[self.law].drives_spring,
             sensors=self.uses,
+            start_up_wave=self.supervised.supervision["test_effort"],
+            probe_window=self.supervised.supervision["probe_samples"] * self.numbers["period"],
         )
 
     @property

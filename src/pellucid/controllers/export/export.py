@@ -76,7 +76,7 @@ def export(
         Period of the controller [s]; None for 1 ms, or for that of the recordings of an orthosis, of EMG, or of a
         CEINMS subject.
     probe : bool or None
-        Whether a small wave of effort asks drive and encoder while a law of one joint runs, so that a drive that does
+        Whether a wave of effort asks drive and encoder while a law of one joint runs, so that a drive that does
         not measure its effort is watched too. None: as the study's instruments say; where they say nothing, it asks if
         the drive is not measured.
     unmeasured : bool

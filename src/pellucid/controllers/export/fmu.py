@@ -38,6 +38,7 @@ from .c_folder import (
     c_content,
     c_files,
     constants_in,
+    effort_unit_in,
     owner_text,
     parse_owner,
     refuse_other_owner,
@@ -368,6 +369,11 @@ def read_inside(unit: Path, name: str, most: int = MAX_CONSTANTS_BYTES) -> bytes
 def read_unit_constants(unit: Path) -> dict[str, float]:
     """Return the numbers of the law and the supervisor in an exported unit, as `read_constants` does of a folder."""
     return constants_in(read_inside(unit, f"sources/{CONSTANTS_FILE}"), unit)
+
+
+def read_unit_effort_unit(unit: Path) -> str:
+    """Return the unit of the efforts in an exported unit."""
+    return effort_unit_in(read_inside(unit, f"sources/{CONSTANTS_FILE}"))
 
 
 def describe_unit(unit: Path) -> str:

@@ -39,11 +39,14 @@ def list_instruments(
     effort: str,
     spring: bool,
     sensors: Collection[str],
+    start_up_wave: float,
+    probe_window: float,
 ) -> tuple[ListedInstrument, ...]:
     """Return the list for a law with an `effort_limit`, in the units `coordinate` and `effort`.
 
     `spring` tells whether the law drives a series spring, whose usual accuracy is another. `sensors` are the optional
-    sensors that the law uses, by name; others are not listed.
+    sensors that the law uses, by name; others are not listed. `start_up_wave` is the amplitude of the export's own
+    start-up wave, and `probe_window` the duration of the windows of its probe [s].
     """
 
     def complete(given: Instruments) -> CompleteInstruments:
@@ -87,15 +90,19 @@ def list_instruments(
     if "muscle" in sensors:
         add("largest torque in the EMG calibration", "emg_range", effort)
     answer = "not measured" if used.start_up_answer is None else f"{used.start_up_answer:.4g} J"
+    if used.start_up_answer is not None and start_up_wave > 0.0 and instruments.answer_to(start_up_wave) is None:
+        answer += f", not used: this export's wave has {start_up_wave:.4g} {effort}; run pellucid commission again"
     list_value("work of the start-up wave at commissioning", "start_up_answer", answer, UNKNOWN_SOURCE)
     if used.start_up_wave is not None:
         add("amplitude of that wave", "start_up_wave", effort)
     add_switch("probe of encoder and drive while the law runs", "probe", CHOSEN_SOURCE)
     if used.probe:
-        answer = "not measured" if used.probe_answer is None else "stated"
+        answer = "not measured" if used.probe_answer is None else "used"
+        if used.probe_answer is not None and instruments.answer_to_probe(probe_window) is None:
+            answer = f"not used: the windows of this export last {probe_window:.4g} s; run pellucid commission again"
         list_value("answer to the probe at commissioning", "probe_answer", answer, UNKNOWN_SOURCE)
         if used.probe_window is not None:
-            add("duration of its windows", "probe_window", "s")
+            add("duration of the windows at commissioning", "probe_window", "s")
     if not spring:
         add_switch("check for sustained oscillation (shaking)", "shaking", CHOSEN_SOURCE)
     return tuple(lines)
