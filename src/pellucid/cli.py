@@ -640,7 +640,7 @@ def export(
     probe: Annotated[
         bool | None,
         typer.Option(
-            "--probe/--no-probe", help="Test drive and encoder with waves of effort; default if the drive is not measured."
+            "--probe/--no-probe", help="Test drive and encoder by waves of effort; usual if the drive is not measured."
         ),
     ] = None,
     unmeasured: Annotated[
@@ -748,7 +748,7 @@ def commission(
     print_line(console, f"Next: {done.answer.next_command or done.answer.next[0].text}")
     if done.problem:
         exit_with_message(done.problem, 1)
-    if done.answer.verdict == "no":
+    if done.answer.verdict == "no" or done.is_undecided:
         raise typer.Exit(1)
 
 

@@ -16,13 +16,17 @@ import pellucid
 from pellucid._errors import PellucidError
 from pellucid.cli import app
 from pellucid.controllers.commissioning import (
+    START_COUNT,
     Answers,
     DriveCheck,
     StartLog,
     answers,
     drive_check,
     drive_reading,
+    mean_error,
     record_starts,
+    require_enough,
+    shows_empty_robot,
 )
 from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.export.controller_values import protect_wearer
@@ -166,6 +170,65 @@ def test_a_loop_of_another_rate_is_commissioned_with_its_period(bench, tmp_path)
     done = pellucid.commission(bench, logs=files, period=0.002)
     assert done.drive.is_right
     assert "--period 0.002" in done.answer.next_command
+
+
+def write_log(path, starts):
+    """Write starts as one log, a second apart."""
+    tables = [np.column_stack([s.time, s.position, s.effort, *s.others.values()]) for s in starts]
+    header = ",".join(("time", "position", "effort", *starts[0].others))
+    np.savetxt(path, np.concatenate(tables), "%.9g", ",", header=header, comments="")
+    return path
+
+
+@pytest.fixture(scope="module")
+def bench_logs(bench, tmp_path_factory):
+    """Logs of the empty bench and of a worn one."""
+    safe = protect_wearer(values_for(bench), unmeasured=True).supervised
+    make, folder = virtual_robot(bench.folder), tmp_path_factory.mktemp("logs")
+    empty = write_log(folder / "empty.csv", record_starts(make(False, 1e-3), safe, 10, worn=False))
+    return empty, write_log(folder / "worn.csv", record_starts(make(True, 1e-3), safe, 10, worn=True))
+
+
+def test_a_worn_log_of_an_empty_robot_is_not_accepted(bench, bench_logs):
+    """It ended with yes, and its responses were written as those of a wearer."""
+    empty, worn = bench_logs
+    text = (bench.folder / "study.toml").read_text()
+    done = pellucid.commission(bench, logs=[empty], worn_logs=[empty])
+    assert (done.answer.badge, done.written, done.is_undecided) == ("Cannot say", (), True)
+    assert "show the inertia of the empty robot" in done.answer.reason
+    printed = CliRunner().invoke(app, ["commission", str(bench.folder), "--log", str(empty), "--worn", str(empty)])
+    assert printed.exit_code == 1
+    assert (bench.folder / "study.toml").read_text() == text
+    try:
+        done = pellucid.commission(bench, logs=[empty], worn_logs=[worn])
+        assert (done.answer.badge, done.looks_empty) == ("Yes", False)
+        assert "start_up_answer" in done.written
+    finally:
+        (bench.folder / "study.toml").write_text(text)
+
+
+def test_worn_starts_that_show_nothing_are_told():
+    empty = DriveCheck(1, 1.0, 0.01, 1e-3, 10)
+    robot = replace(draw_robot(0, 3), rotor_share=0.0, gain=1.0)
+    starts = [play_start(robot, 0, k, 3) for k in range(4)]
+    assert shows_empty_robot(empty, starts, robot.inertia) is True
+    assert shows_empty_robot(empty, starts, 0.7 * robot.inertia) is False
+    assert shows_empty_robot(empty, starts[:2], robot.inertia) is None
+    assert shows_empty_robot(replace(empty, gain=math.nan), starts, robot.inertia) is None
+
+
+def test_few_starts_are_accepted_if_they_agree(bench, bench_logs):
+    """The guide asked for ten, and five passed without a word."""
+    robot = replace(draw_robot(0, 3), rotor_share=0.0, gain=1.0)
+    starts = [play_start(robot, 0, k, 3) for k in range(5)]
+    said = Commissioning("logs", drive_check(starts, robot.inertia), Answers(None, np.nan, None, 0, 5), ()).lines()[0]
+    assert re.fullmatch(
+        r"logs: 5 starts; 10 are usual, and these suffice: mean gain within [0-9.]+ %, at most 15 %", said
+    )
+    with pytest.raises(PellucidError, match="found 4 starts that tell the gain within 32 %, expected 10 starts, or at"):
+        require_enough("gain", 1.0, 0.2, 4)
+    require_enough("gain", 1.0, 0.2, START_COUNT)
+    assert mean_error(0.2, 4) == pytest.approx(3.182 * 0.1, rel=1e-3)
 
 
 def test_starts_that_move_nothing_are_refused():
@@ -415,12 +478,16 @@ def test_a_spring_is_refused_and_a_virtual_study_is_commissioned(tmp_path, monke
         (DriveCheck(1, 1015.0, 5.0, 1e-3, 10), "No",
          "its gain is 1015.000 times the stated one, as if the unit of effort or position were wrong by a factor of "
          "1000"),
+        (DriveCheck(1, 198.0, 5.0, 1e-3, 10), "No",
+         "its gain is 198.000 times the stated one, beyond any drive: check that log and study are of one robot, and "
+         "the units of the columns effort and position of start.csv"),
         (DriveCheck(1, 0.0177, 1e-4, 1e-3, 10), "No",
          "its gain is 0.018 times the stated one, as if positions were radians instead of degrees"),
         (DriveCheck(1, np.nan, np.nan, 1e-3, 10), "Cannot say", "the sign is right; the motion does not show the gain"),
     ],
 )  # fmt: skip
 def test_a_commissioning_answers_whether_the_drive_follows(drive, badge, reason):
-    answer = Commissioning("logs", drive, Answers(None, np.nan, None, 0, 10), (), "arm").answer
+    found = Answers(None, np.nan, None, 0, 10)
+    answer = Commissioning("logs", drive, found, (), "arm", files=("start.csv",)).answer
     assert (answer.badge, answer.reason) == (badge, reason)
     assert answer.next_command == ("" if reason else "pellucid export arm")

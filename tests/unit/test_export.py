@@ -139,7 +139,8 @@ def test_a_probe_is_exported_and_answers_as_recorded(study):
     words = (folder / "README.md").read_text(encoding="utf-8").split()
     # Recordings need not be zero where the joint hangs.
     assert "the joint's encoder, with zero and sign as in the recordings" in " ".join(words)
-    assert re.search(r"waves of effort of up to [0-9.]+ N\*m \(\d+ % of the effort limit\) at \d+, \d+ and \d+ Hz", " ".join(words))
+    waves = r"waves of effort of up to [0-9.]+ N\*m \(\d+ % of the effort limit\) at \d+, \d+ and \d+ Hz"
+    assert re.search(waves, " ".join(words))
     assert "responses in the first movement after each start are the reference" in " ".join(words)
 
 

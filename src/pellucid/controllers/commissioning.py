@@ -24,6 +24,9 @@ from .._errors import PellucidError
 from .instruments import MAX_WAVE_DIFFERENCE
 from .supervised import TEST_SAMPLE_BOUNDS, SupervisedLaw
 
+START_COUNT = 10
+"""Number of starts of a commissioning; fewer do where the mean of their results is known within `MAX_GAIN_ERROR`."""
+
 MIN_STARTS = 3
 """Smallest number of starts of which a spread can be told."""
 
@@ -61,6 +64,12 @@ bits.
 MAX_GAIN_ERROR = 0.15
 """Largest relative difference of the measured gain from the stated one of a drive that is right, and of what its
 measurement reads from what it gives [1]."""
+
+MIN_WORN_INERTIA = 1.05
+"""Smallest inertia of a robot with its wearer over that of the robot alone that starts can show [1].
+
+With the lab's wearers, whose limb hangs on straps, starts show no gain at all.
+"""
 
 MIN_PROBE_WINDOWS = 20
 """Smallest number of windows of a moving joint from which the probe's answers are taken."""
@@ -132,6 +141,40 @@ class Answers:
     window: float = math.nan  # duration of the probe's windows [s]
 
 
+def mean_error(spread: float, count: int) -> float:
+    """Return half of the 95 % interval of the mean of `count` values with a standard deviation `spread`."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(count - 1, 0.975)) * spread / math.sqrt(count)
+
+
+def require_enough(name: str, mean: float, spread: float, count: int) -> None:
+    """Raise a PellucidError if fewer than `START_COUNT` starts leave the mean of a result too uncertain."""
+    error = mean_error(spread, count) / abs(mean)
+    if count < START_COUNT and error > MAX_GAIN_ERROR:
+        raise PellucidError(
+            f"commission: found {count} starts that tell the {name} within {100.0 * error:.0f} %, expected "
+            f"{START_COUNT} starts, or at most {100.0 * MAX_GAIN_ERROR:.0f} %"
+        )
+
+
+def shows_empty_robot(empty: DriveCheck, worn: Sequence[StartLog], inertia: float) -> bool | None:
+    """Return whether `worn` starts show the inertia of the robot that nobody wears; None where they do not say.
+
+    A limb adds its inertia, by which the gain of the drive appears smaller, or swings before its straps, so that one
+    rigid body explains the motion no longer.
+    """
+    if not math.isfinite(empty.gain):
+        return None
+    try:
+        found = drive_check(worn, inertia)
+    except PellucidError:
+        return None
+    if not math.isfinite(found.gain):
+        return None if math.isfinite(found.coarse_steps) else False
+    return empty.gain / found.gain < MIN_WORN_INERTIA
+
+
 def drive_check(starts: Sequence[StartLog], inertia: float) -> DriveCheck:
     """Return sign, gain and delay of a drive from starts of a robot with an `inertia` [kg m^2 or kg].
 
@@ -197,6 +240,8 @@ def drive_check(starts: Sequence[StartLog], inertia: float) -> DriveCheck:
         return DriveCheck(sign, math.nan, spread, math.nan, len(whole), coarse_steps=steps)
     if mean_left > 1.0 or gain < 0.0:
         gain = delay = math.nan
+    else:
+        require_enough("gain", gain, spread, len(whole))
     return DriveCheck(sign, gain, spread, delay, len(whole))
 
 
@@ -391,6 +436,8 @@ def answers(law: SupervisedLaw, starts: Sequence[StartLog], other_waves: Sequenc
     wave = law.supervision["test_effort"]
     mean = float(np.mean(works)) if len(works) >= MIN_STARTS and wave > 0.0 else None
     spread = float(np.std(works, ddof=1)) if len(works) > 1 else 0.0
+    if mean is not None:
+        require_enough("work of the start-up wave", mean, spread, len(works))
     if probe is None and law.supervision["probe_effort"] > 0.0:
         notes["too little motion while the controller was running to compute the probe's response"] = None
     window = law.supervision["probe_samples"] * law.values["period"]

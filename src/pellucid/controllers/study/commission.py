@@ -25,6 +25,7 @@ from ..commissioning import (
     DRIVE_WAVE_FACTOR,
     MAX_GAIN_ERROR,
     MIN_STARTS,
+    START_COUNT,
     Answers,
     DriveCheck,
     Robot,
@@ -32,16 +33,15 @@ from ..commissioning import (
     answers,
     drive_check,
     drive_reading,
+    mean_error,
     record_starts,
+    shows_empty_robot,
 )
 from ..control_law import LAWS
 from ..export.controller_values import protect_wearer
 from ..export.export import values_for
 from ..instruments import COMMISSIONING_CONDITION
 from ..supervised import RATE_TOLERANCE, SupervisedLaw
-
-START_COUNT = 10
-"""Number of starts of a commissioning."""
 
 LOG_COLUMNS = {"time": ("s",), "position": ("rad", "m"), "effort": ("N*m", "N")}
 """Columns that a log of starts must have, and their SI units: one row for each period of the controller."""
@@ -60,6 +60,15 @@ MAX_STUDY_BYTES = 10_000_000
 
 VIRTUAL_SOURCE = "virtual robot"
 """Source of the starts of a study's virtual robot."""
+
+PLAUSIBLE_GAINS = (0.2, 5.0)
+"""Gains of a drive, over the stated one, beyond which log and study rather differ in robot or units [1]."""
+
+UNKNOWN_WEARER_NOTE = (
+    f"whether somebody wears the robot in --worn is not identifiable: that needs {MIN_STARTS} whole waves and a known "
+    "gain"
+)
+"""Note where the starts of a wearer do not show the wearer."""
 
 INSTRUMENTS_HEADER = "[rig.instruments]"
 """Table of study.toml that the answers are written to."""
@@ -87,6 +96,10 @@ class Commissioning:
         Options with which `export` writes the same controller.
     problem : str
         Why study.toml could not be written.
+    files : tuple of str
+        Names of the logs.
+    looks_empty : bool
+        Whether the starts that somebody should wear show the inertia of the empty robot.
     """
 
     source: str
@@ -97,6 +110,13 @@ class Commissioning:
     gain_checked: bool = False
     options: tuple[str, ...] = ()
     problem: str = ""
+    files: tuple[str, ...] = ()
+    looks_empty: bool = False
+
+    @property
+    def is_undecided(self) -> bool:
+        """Whether the worn starts may be of the empty robot, so that their responses are not used."""
+        return self.looks_empty and self.answer.verdict == "cannot say"
 
     @property
     def answer(self) -> Answer:
@@ -105,12 +125,17 @@ class Commissioning:
         if drive.sign < 0:
             reasons.append("its sign is reversed")
         elif not (drive.is_right or drive.is_open):
-            reasons.append(f"its gain is {drive.gain:.3f} times the stated one{_unit_guess(drive.gain)}")
+            reasons.append(f"its gain is {drive.gain:.3f} times the stated one{_unit_guess(drive.gain, self.files)}")
         if not drive.is_read_right:
             reasons.append(f"its measurement reads {drive.reading:.3f} times the command")
         known = np.isfinite(drive.gain)
         if drive.is_open and not (reasons or self.gain_checked):
-            return self._open_answer()
+            why = "the sign is right; the motion does not show the gain"
+            advice = "Check the gain with a known weight, then commission again with --gain-checked"
+            return self._open_answer(why, advice)
+        if self.looks_empty and not reasons:
+            why = "the logs of --worn show the inertia of the empty robot, as if nobody wears it"
+            return self._open_answer(why, "Record the starts of --worn on a wearer, or leave out --worn")
         right = "sign and gain are right" if known else "the sign is right, and the gain was checked"
         said = "; ".join(reasons) or right
         numbers = (AnswerNumber("gain", drive.gain, "1"), AnswerNumber("delay", drive.delay, "s")) if known else ()
@@ -122,13 +147,12 @@ class Commissioning:
             qualifier="" if known or reasons else "gain checked by hand",
         ).in_folder(self.folder)  # fmt: skip
 
-    def _open_answer(self) -> Answer:
-        """Return that the starts do not tell the gain, and how it can be checked."""
-        why = "the sign is right; the motion does not show the gain"
+    def _open_answer(self, why: str, advice: str) -> Answer:
+        """Return why the starts do not answer the question, and what to do."""
         return Answer(
             "Does the drive follow its commands?", "cannot say", why, why, (), (),
             Basis(self.drive.starts, self.drive.starts, "start", is_simulated=self.source == VIRTUAL_SOURCE),
-            next=(Step("Check the gain with a known weight, then commission again with --gain-checked"),),
+            next=(Step(advice),),
         ).in_folder(self.folder)  # fmt: skip
 
     def lines(self) -> tuple[str, ...]:
@@ -145,8 +169,14 @@ class Commissioning:
         if np.isfinite(drive.gain):
             gain = f"{drive.gain:.3f} times the stated gain (standard deviation {drive.gain_spread:.3f})"
             delay = f"{1e3 * drive.delay:.1f} ms from command to effort"
+        few = ""
+        if drive.starts < START_COUNT:
+            few = f"; {START_COUNT} are usual"
+            if np.isfinite(drive.gain):
+                error = 100.0 * mean_error(drive.gain_spread, drive.starts) / drive.gain
+                few += f", and these suffice: mean gain within {error:.2g} %, at most {100.0 * MAX_GAIN_ERROR:.0f} %"
         made = [
-            f"{self.source}: {drive.starts} starts",
+            f"{self.source}: {drive.starts} starts{few}",
             f"sign: {'right' if drive.sign > 0 else 'reversed: exchange the leads, or the sign in [rig.drive]'}",
             f"gain: {gain}",
             f"delay: {delay or 'not identifiable'}",
@@ -165,8 +195,8 @@ class Commissioning:
         return tuple(made)
 
 
-def _unit_guess(gain: float) -> str:
-    """Return the wrong unit that a gain suggests, as the end of a sentence; nothing where it suggests none."""
+def _unit_guess(gain: float, files: Sequence[str] = ()) -> str:
+    """Return what an impossible gain suggests, as the end of a sentence: a wrong unit, or a log of another robot."""
     tenfold = 10.0 ** round(math.log10(gain))
     guesses = {
         180.0 / math.pi: "positions were degrees instead of radians",
@@ -174,7 +204,15 @@ def _unit_guess(gain: float) -> str:
         tenfold: f"the unit of effort or position were wrong by a factor of {tenfold:g}",
     }
     near = [guess for factor, guess in guesses.items() if abs(gain / factor - 1.0) <= MAX_GAIN_ERROR and factor != 1.0]
-    return f", as if {near[0]}" if near else ""
+    if near:
+        return f", as if {near[0]}"
+    if PLAUSIBLE_GAINS[0] <= gain <= PLAUSIBLE_GAINS[1]:
+        return ""
+    where = f" of {', '.join(files)}" if files else ""
+    return (
+        ", beyond any drive: check that log and study are of one robot, and the units of the columns effort and "
+        f"position{where}"
+    )
 
 
 def _nobody_to_ask(question: str) -> None:
@@ -291,13 +329,19 @@ def commission(
             # Logs are of a controller that did not know the answer yet.
             told = law if logs else law.changed(drive_answer=drive.reading)
         found, written, problem = Answers(None, math.nan, None, 0, 0), tuple[str, ...](), ""
-        if (drive.is_right or (drive.is_open and gain_checked)) and drive.is_read_right:
+        worn = read_starts(worn_logs, law.values["period"]) if worn_logs else ()
+        looks_empty = shows_empty_robot(drive, worn, law.supervision["body_inertia"]) if worn else False
+        if not looks_empty and (drive.is_right or (drive.is_open and gain_checked)) and drive.is_read_right:
             found = answers(told, take_starts(told), other_waves)
+            found = replace(found, notes=(*found.notes, UNKNOWN_WEARER_NOTE)) if looks_empty is None else found
             try:
                 written = state_answers(study.folder / "study.toml", found, values.effort_unit, drive.reading)
             except OSError as error:
                 problem = f"{study.folder / 'study.toml'} could not be written: {error.strerror or error}"
-        return Commissioning(source, drive, found, written, str(study.folder), gain_checked, options, problem)
+        files = tuple(Path(path).name for path in logs)
+        return Commissioning(
+            source, drive, found, written, str(study.folder), gain_checked, options, problem, files, bool(looks_empty)
+        )
 
     if logs:
         interval = law.values["period"]
