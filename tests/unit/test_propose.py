@@ -10,7 +10,9 @@ import pytest
 
 import pellucid as pl
 from pellucid.start.given_columns import columns_of_arrays
+from pellucid.start.inference.processing_choice import PROCESSING_LIMITS, choose_processing
 from pellucid.start.log_proposal import LogProposal
+from pellucid.start.proposal_page import spectrum_figure
 
 UNITS = {"q": "rad", "tau": "N*m"}
 
@@ -220,3 +222,27 @@ def test_a_study_that_cannot_be_made_names_a_page(tmp_path):
     assert all(line.startswith("question ") for line in questions)
     page = note.removeprefix("What was understood: ")
     assert "No effort was recorded" in Path(page).read_text(encoding="utf-8")
+
+
+def test_the_low_pass_its_remark_and_its_picture_agree():
+    """The line stood at 8.8 Hz, the minimum of the picture near 20 Hz, and the remark said that both were one."""
+    rate = 500.0
+    time = np.arange(20_000) / rate
+    rng = np.random.default_rng(3)
+    moved = 0.5 * np.sin(2.0 * np.pi * 0.8 * time) + sum(
+        0.02 / f**2 * np.sin(2.0 * np.pi * f * time + f) for f in np.arange(1.0, 20.0, 0.5)
+    )
+    choice = choose_processing(moved + 1e-5 * rng.standard_normal(time.size), rate)
+    level = PROCESSING_LIMITS.floor_margin * choice.smoothed_power[choice.floor]
+    at = int(np.flatnonzero(choice.frequency == choice.cut)[0])
+    assert choice.smoothed_power[choice.floor] == choice.smoothed_power[at:].min()
+    assert choice.smoothed_power[at - 1] > level >= choice.smoothed_power[at : choice.floor + 1].max()
+    assert choice.frequency[choice.floor] > 1.2 * choice.cut
+    drawn = spectrum_figure(choice, rate, "spectrum")
+    (axis,) = drawn.figure.axes
+    lines = [line.get_xdata()[0] for line in axis.lines if len(set(line.get_xdata())) == 1]
+    assert choice.lowpass in lines
+    assert level in [line.get_ydata()[0] for line in axis.lines if len(set(line.get_ydata())) == 1]
+    assert f"at {choice.frequency[choice.floor]:.3g} Hz. From {choice.cut:.3g} Hz" in drawn.caption
+    assert choice.why in drawn.caption
+    assert f"4 times its noise floor at {choice.cut:.3g} Hz" in choice.why

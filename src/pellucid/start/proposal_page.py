@@ -23,7 +23,7 @@ from ..study.pages.forest import Row, Table, number_table
 from ..study.pages.page import Page, Section, Tile, without_drawing
 from .given_files import GivenFiles, GivenTable
 from .inference.assign_roles import ColumnRole
-from .inference.processing_choice import ProcessingChoice
+from .inference.processing_choice import PROCESSING_LIMITS, ProcessingChoice
 from .proposal import Layout, Proposal
 from .study_text import channel_mark, channel_name, defaults_of
 
@@ -102,20 +102,28 @@ def spectrum_figure(choice: ProcessingChoice, rate: float, name: str) -> Drawing
     axis.loglog(
         choice.frequency, np.maximum(choice.acceleration_power, 1e-300), color=colour("measured"), linewidth=1.0
     )
+    axis.loglog(choice.frequency, choice.smoothed_power, color=colour("heldout"), linewidth=1.2)
+    margin = PROCESSING_LIMITS.floor_margin
+    axis.axhline(margin * choice.smoothed_power[choice.floor], color=colour("muted"), linewidth=0.9)
     axis.axvline(choice.lowpass, color=colour("fitted"), linewidth=1.4)
     axis.axvline(0.5 * rate / choice.decimate, color=colour("muted"), linewidth=0.9, linestyle=(0, (4, 3)))
     axis.set_xlabel("Frequency (Hz)")
     axis.set_ylabel("Power of the acceleration")
     key(
         axis,
-        [(f"low-pass {choice.lowpass:g} Hz", colour("fitted")), ("half the rate after decimation", colour("muted"))],
+        [
+            ("smoothed", colour("heldout")),
+            (f"low-pass {choice.lowpass:g} Hz", colour("fitted")),
+            (f"{margin:g} times the noise floor; half the rate after decimation", colour("muted")),
+        ],
     )
     return Drawing(
         name,
         figure,
-        "Spectrum of the acceleration computed from the position. It falls where the motion ends, and rises where "
-        "quantization and noise of the twice differentiated position dominate. The proposed low-pass frequency is at "
-        "the minimum.",
+        "Spectrum of the acceleration computed from the position, and the same smoothed. It falls where the motion "
+        "ends, and rises where quantization and noise of the twice differentiated position dominate. Its noise floor "
+        f"is the minimum of the smoothed spectrum, at {choice.frequency[choice.floor]:.3g} Hz. From {choice.cut:.3g} "
+        f"Hz on to there it is at most {margin:g} times that (horizontal line). Low-pass: {choice.why}.",
     )
 
 

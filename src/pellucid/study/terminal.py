@@ -288,7 +288,8 @@ def print_answer(out: Console, answer: Answer) -> None:
 
 def print_steps(out: Console, answer: Answer, max_lines: int = MAX_STEP_LINES) -> None:
     """Print the recommended next steps of an answer, in at most `max_lines` unless ``-v`` asks for all."""
-    print_lines(out, [text.replace("`", "") for text in answer.following], max_lines, "further step")
+    texts = [text.replace("`", "") for text in answer.following]
+    print_lines(out, texts, max_lines, "further step", wrap=not any(step.command for step in answer.next))
 
 
 def print_next(out: Console, answer: Answer) -> None:
@@ -353,15 +354,15 @@ def _noted(items: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
     return [item for item in items if item[0] != "note" or item in kept]
 
 
-def print_lines(out: Console, lines: Sequence[str], max_lines: int, noun: str) -> None:
+def print_lines(out: Console, lines: Sequence[str], max_lines: int, noun: str, *, wrap: bool = True) -> None:
     """Print lines; unless ``-v`` asks for all, the first that fit into `max_lines` of the terminal. The others are
-    counted as what `noun` calls them."""
+    counted as what `noun` calls them. Without `wrap` a line with a command stays whole, so that it can be copied."""
     kept = len(lines)
     if not _is_verbose.get():
         taken = list(accumulate(max(-(-len(line) // out.width), 1) for line in lines))
         kept = max(sum(each <= max_lines for each in taken), 1)
     for line in lines[:kept]:
-        print_wrapped(out, line)
+        (print_wrapped if wrap else print_line)(out, line)
     if len(lines) > kept:
         print_line(out, f"  and {count_of(len(lines) - kept, noun)}, which -v prints")
 

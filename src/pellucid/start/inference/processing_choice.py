@@ -62,6 +62,9 @@ class ProcessingChoice:
     why: str  # reason, for a comment in study.toml
     frequency: np.ndarray  # frequencies of the spectrum, shape (f,) [Hz]
     acceleration_power: np.ndarray  # power of the computed acceleration, shape (f,)
+    smoothed_power: np.ndarray  # the same, smoothed, from which the low-pass is chosen, shape (f,)
+    floor: int  # index of the smallest smoothed power above the motion: the noise floor
+    cut: float  # frequency from which on the smoothed power is near its floor [Hz]
     peak: float = 0.0  # frequency of the most motion [Hz]
     resample: float | None = None  # rate to interpolate to [Hz], None unless a clock loses samples now and then
     cut_share: float | None = None  # share of a recording that may be cut, None unless more than usual is missing
@@ -127,12 +130,15 @@ def choose_processing(position: np.ndarray, rate: float, periods: np.ndarray | N
         max(PROCESSING_LIMITS.dead_band_share * float(np.quantile(speed, 0.99)), 2.0 * quantum * lowpass)
     )
     why = (
-        f"the spectrum of the acceleration falls to its noise floor at {cut:.3g} Hz; above, quantization and noise of "
-        "the position dominate"
+        f"the spectrum of the acceleration falls to {PROCESSING_LIMITS.floor_margin:g} times its noise floor at "
+        f"{cut:.3g} Hz; above, quantization and noise of the position dominate"
     )
+    if lowpass != _rounded(cut):
+        limit = "four times the frequency of most motion" if lowpass > cut else "a share of the sampling rate"
+        why += f"; the low-pass of {lowpass:g} Hz is limited by {limit}"
     return ProcessingChoice(
-        lowpass, _decimation(lowpass, rate), dead_band, _trim(lowpass, rate), why, frequency, acceleration,
-        peak=float(frequency[peak]),
+        lowpass, _decimation(lowpass, rate), dead_band, _trim(lowpass, rate), why, frequency, acceleration, smooth,
+        lowest, cut, peak=float(frequency[peak]),
     )  # fmt: skip
 
 
