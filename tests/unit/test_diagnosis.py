@@ -154,3 +154,35 @@ def test_what_a_motion_cannot_show_is_told_before_anything_is_fitted(sound):
     (fault,) = [f for f in check(sound) if f.kind == "excitation"]
     assert fault.severity == "note"
     assert "every parameter is excited" in fault.message
+
+
+def case_of(sound, rng, *, scale=1.0, load=0.0, families=("symmetric",)):
+    t = np.arange(0.0, 40.0, 0.005)
+    q = 0.8 * np.sin(0.9 * t) + 0.4 * np.sin(3.1 * t) + 0.1 * np.sin(8.0 * t)
+    v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
+    base = 0.05 * a + 4.0 * np.sin(q) + 0.3 * np.sign(v) + 0.05 * v
+    effort = scale * (base / (1.0 - load * np.sign(v) * np.sign(base)) + 0.01 * rng.standard_normal(len(t)))
+    motion = motion_of(t, q, effort, Filtering(10.0, 4, 10, 0.0, 100))
+    data = stack([motion])
+    models = [joint_model(f, motion="rotary", effort_unit="N*m", gravity="sine") for f in families]
+    fits = {m.family: fit_family(m, data, [motion], Machine(), level=0.95, thorough=False).fit for m in models}
+    return JointCase(sound, (motion,), data, (motion,), fits, HeadlineChoice(families[0], "ls"))
+
+
+def test_friction_that_grows_with_the_load_is_told_where_no_fitted_family_has_it(sound, rng):
+    """It biased gravity by several percent, and nothing warned of it."""
+    for load, families, expected in ((0.0, ("symmetric",), 0), (0.1, ("symmetric",), 1), (0.1, ("load",), 0)):
+        told = list(joint_findings.report_missing_load_friction(case_of(sound, rng, load=load, families=families)))
+        assert len(told) == expected
+    case = case_of(sound, rng, load=0.1, families=("symmetric",))
+    assert case.fit.estimate["gravity"].value > 1.02 * 4.0
+    (told,) = joint_findings.report_missing_load_friction(case)
+    assert (told.kind, told.do) == ("warning", "Add 'load' to friction in [model].")
+
+
+def test_torques_in_a_wrong_unit_are_doubted(sound, rng):
+    """N*mm that were read as N*m gave bounds of 10 kJ without a remark."""
+    assert list(joint_findings.report_implausible_effort(case_of(sound, rng))) == []
+    (told,) = joint_findings.report_implausible_effort(case_of(sound, rng, scale=1000.0))
+    assert "require a mass of at least" in told.text
+    assert "Check the unit of the effort" in told.do

@@ -269,6 +269,18 @@ def test_the_start_up_wave_is_told_with_its_size_and_a_warning():
     assert calm[-1].startswith("Start-up wave: 4 N·m, 5 % of the effort limit")
 
 
+def test_an_export_doubts_torques_that_no_worn_robot_has():
+    """N*mm that were read as N*m gave bounds of 10 kJ, and the reverse 0.01 J, without a remark."""
+    unit = "Check the unit of the effort in [channels], such as N*mm instead of N*m."
+    assert unit not in describe_drive_watch(watched()).details
+    for scale in (1e-3, 1e3):
+        wrong = {"inertia": 1.1 * scale, "gravity_sine": 44.0 * scale, "effort_limit": 80.0 * scale}
+        details = describe_drive_watch(watched(**wrong)).details
+        assert details[0].startswith("Warning: ")
+        assert details[1] == unit
+    assert "Warning" not in describe_drive_watch(watched(), "N").details[0]
+
+
 @pytest.mark.parametrize("changes", [{}, {"position_min": -1.0, "position_max": 1.0}])
 @pytest.mark.parametrize("drive", [{"drive_expected": 1.0}, {"probe_effort": 1.0, "probe_travel": 0.8}, {}])
 def test_lines_of_an_export_fit_a_terminal_and_say_nothing_twice(drive, changes):

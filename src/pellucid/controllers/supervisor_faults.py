@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from .. import _core
+from ..models.plausible_effort import UNIT_ADVICE, doubt_torques
 from .instruments import Instruments
 from .supervised import unheard_energies
 
@@ -220,7 +221,16 @@ def describe_drive_watch(numbers: Mapping[str, float], effort_unit: str = "N*m")
         lines += [f"On {condition}{SIMULATED_ROBOTS}:", *_listed(PROBED_FAULTS if probed else UNMEASURED_FAULTS)]
         lines += [f"With a measured effort there: {_together(MEASURED_FAULTS)}."]
         lines += ["If the drive measures its effort, add [rig.instruments.drive_sensor]."]
-    return DriveWatch(said, (*lines, *start_up_wave_lines(numbers, effort_unit)))
+    return DriveWatch(said, (*_unit_doubts(numbers, effort_unit), *lines, *start_up_wave_lines(numbers, effort_unit)))
+
+
+def _unit_doubts(numbers: Mapping[str, float], effort_unit: str) -> tuple[str, ...]:
+    """Return a warning of torques that no worn robot has, in lines; () without one."""
+    if effort_unit != "N*m":
+        return ()
+    weight = math.hypot(numbers["body_gravity_sine"], numbers["body_gravity_cosine"])
+    doubt = doubt_torques(weight, numbers["body_inertia"], numbers["effort_limit"])
+    return (f"Warning: {doubt}.", f"{UNIT_ADVICE}.") if doubt else ()
 
 
 def start_up_wave_lines(numbers: Mapping[str, float], effort_unit: str) -> tuple[str, ...]:

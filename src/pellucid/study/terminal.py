@@ -289,7 +289,7 @@ def print_answer(out: Console, answer: Answer) -> None:
 def print_steps(out: Console, answer: Answer, max_lines: int = MAX_STEP_LINES) -> None:
     """Print the recommended next steps of an answer, in at most `max_lines` unless ``-v`` asks for all."""
     texts = [text.replace("`", "") for text in answer.following]
-    print_lines(out, texts, max_lines, "further step", wrap=not any(step.command for step in answer.next))
+    print_lines(out, texts, max_lines, "further step", wrap=not any("pellucid " in text for text in texts))
 
 
 def print_next(out: Console, answer: Answer) -> None:

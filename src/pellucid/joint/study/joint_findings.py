@@ -14,8 +14,9 @@ from ...models.causes import PARALLEL_SPRING
 from ...models.estimates import Parameter, Verdict
 from ...models.fields import largest_friction, model_fields
 from ...models.friction_terms import LOAD_FEATURE, TERMS, features_of, grows_with_load
-from ...models.joint import GRAVITY, PARALLEL_STIFFNESS, JointModel
-from ...numerics.block_test import SIGNIFICANCE_LEVEL, count_independent_samples
+from ...models.joint import GRAVITY, PARALLEL_STIFFNESS, JointModel, joint_model
+from ...models.plausible_effort import UNIT_ADVICE, doubt_torques
+from ...numerics.block_test import SIGNIFICANCE_LEVEL, compare_held_out, count_independent_samples
 from ...numerics.distributions import normal_quantile
 from ...numerics.regression import stack
 from ...numerics.spring_evidence import (
@@ -30,7 +31,7 @@ from ...study.pages.quantities import METHODS, interval_text, number, parameter_
 from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
 from ..fit.estimator_agreement import differing_estimates, names_outside
 from ..fit.friction_family import added_terms
-from ..fit.friction_solver import solve_family
+from ..fit.friction_solver import cross_validate_family, solve_family
 from ..fit.headline_choice import Candidate
 from ..fit.joint_estimate import JointEstimate
 from ..fit.recording_agreement import (
@@ -1118,6 +1119,51 @@ MAX_SUSPICIOUS_RANGE_RAD = 0.1
 
 MIN_SUSPICIOUS_RANGE_RAD = 2.0 * np.pi
 """Smallest range of motion that suggests degrees [rad]. Few joints with a weight have such a range in radians."""
+
+
+def report_implausible_effort(case: JointCase) -> Iterator[Verdict]:
+    """Report torques whose weight and inertia require a mass that no worn robot has."""
+    found = {p.name: p for p in case.fit.estimate.parameters}
+    if not case.rotary or case.fit.model.effort_unit != "N*m" or not {"inertia", "gravity"} <= set(found):
+        return
+    gravity, inertia = found["gravity"], found["inertia"]
+    least = abs(gravity.value) - STANDARD_ERRORS * gravity.standard_error
+    text = doubt_torques(max(least, 0.0), inertia.value + STANDARD_ERRORS * inertia.standard_error)
+    if text:
+        yield Verdict("warning", f"{text}: implausible for a worn robot.", f"{UNIT_ADVICE}.", weight=9.0)
+
+
+def report_missing_load_friction(case: JointCase) -> Iterator[Verdict]:
+    """Report friction that grows with the load, where no fitted family has it: it biases inertia and gravity."""
+    model = case.fit.model
+    if any(LOAD_FEATURE in features_of(fit.model.names) for fit in case.fits.values()):
+        return
+    loaded = joint_model(
+        LOAD_FAMILY, motion=model.motion, effort_unit=model.effort_unit, gravity=case.study.model.gravity,
+        known=model.known, velocity_range=model.velocity_range, parallel_spring=PARALLEL_STIFFNESS in model.names,
+    )  # fmt: skip
+    try:
+        crossed = {
+            each.family: cross_validate_family(each, case.data, solve_family(each, case.data))
+            for each in (model, loaded)
+        }
+    except IdentificationError:
+        return
+    own, other = (float(np.linalg.norm(np.concatenate(crossed[each.family]))) for each in (model, loaded))
+    p_value = compare_held_out(crossed).p_values[model.family]
+    if p_value < SIGNIFICANCE_LEVEL and own > FINDING_THRESHOLDS.min_error_reduction * other:
+        yield Verdict(
+            "warning",
+            f"Friction grows with the load: in cross-validation, the '{LOAD_FAMILY}' family has an error "
+            f"{100.0 * (1.0 - other / own):.2g} % smaller than '{model.family}'. Without it, inertia and gravity may "
+            "be biased beyond their intervals.",
+            f"Add '{LOAD_FAMILY}' to friction in [model].",
+            weight=7.0,
+        )
+
+
+LOAD_FAMILY = "load"
+"""Family whose friction grows with the load, which is tried where no fitted family has such a term."""
 
 
 def report_wrong_unit(case: JointCase) -> Iterator[Verdict]:
