@@ -68,7 +68,7 @@ measurement reads from what it gives [1]."""
 MIN_WORN_INERTIA = 1.05
 """Smallest inertia of a robot with its wearer over that of the robot alone that starts can show [1].
 
-With the lab's wearers, whose limb hangs on straps, starts show no gain at all.
+With the lab's wearers, whose limb is held by straps, starts show no gain at all.
 """
 
 MIN_PROBE_WINDOWS = 20
