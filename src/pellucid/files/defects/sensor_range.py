@@ -140,9 +140,9 @@ def sensor_ends(effort: np.ndarray, positions: Sequence[np.ndarray], rate: float
     prepared = _prepare(effort, positions, rate)
     if prepared is None:
         return ()
-    tried = [(sign, share) for sign in (1.0, -1.0) for share in RANGE_LIMITS.core_shares]
-    found = {each: _regression(each[0], prepared, each[1]) for each in tried}
-    told = {(s, share): f for (s, share), f in found.items() if f is not None and _exceeds_plateau(s, prepared, f[0])}
+    found = {share: _regression(prepared, share) for share in RANGE_LIMITS.core_shares}
+    tried = [(sign, share, f) for sign in (1.0, -1.0) for share, f in found.items() if f is not None]
+    told = {(sign, share): f for sign, share, f in tried if _exceeds_plateau(sign, prepared, f[0])}
     ends: dict[float, SensorEnd] = {}
     for (sign, share), beyond in _samples_beyond(prepared, told).items():
         if sign not in ends and beyond >= RANGE_LIMITS.min_beyond_samples:
@@ -233,17 +233,17 @@ def agrees_at_limit(effort: np.ndarray, positions: Sequence[np.ndarray], rate: f
     prepared = _prepare(effort, positions, rate)
     if prepared is None:
         return False
-    told = [_regression(sign, prepared, share) for sign in (1.0, -1.0) for share in RANGE_LIMITS.core_shares[:1]]
-    return all(found is not None for found in told) and not sensor_ends(effort, positions, rate)
+    explained = _regression(prepared, RANGE_LIMITS.core_shares[0]) is not None
+    return explained and not sensor_ends(effort, positions, rate)
 
 
-def _regression(sign: float, of: _Prepared, share: float) -> tuple[np.ndarray, float] | None:
+def _regression(of: _Prepared, share: float) -> tuple[np.ndarray, float] | None:
     """Return the factors of the columns of motion that give the effort it needs, (1 + 6 j,), and their error (RMS).
 
-    The regression leaves out the largest efforts of one `sign` and of the other. None where it explains too little.
+    The regression leaves out the largest efforts of both signs alike. None where it explains too little.
     """
-    bound, top = (1.0 - share) * of.half, of.top[sign]
-    low, high = sorted((sign * (top - 2.0 * of.half + bound), sign * (top - bound)))
+    bound, top = (1.0 - share) * of.half, of.top[1.0]
+    low, high = top - 2.0 * of.half + bound, top - bound
     core = of.usable & (of.recorded > low)
     core &= of.recorded < high
     least = RANGE_LIMITS.min_core_share * np.count_nonzero(of.usable)
