@@ -383,8 +383,8 @@ FRICTION_POWERS: Mapping[str, tuple[float, float]] = {
 COMMISSIONED_WORK_BOUNDS = (0.2, 1.75)
 """Bounds of the test's work relative to its work at commissioning, for any wearer [1].
 
-On foreign plants of 20261101 to 20261106, healthy drives did at most 2.3 in one wave; the least of five exceeded 1.75
-in 0.4 % under the law with the weakest wave, and never under the others. Drives with three times the effort did at least
+On foreign plants of 20261101 to 20261106, healthy drives did at most 2.3 in one wave. The least of five exceeded 1.75
+in 0.4 % under the law with the weakest wave, and never under others. Drives with three times the effort did at least
 1.87, and 1.72 on a heavy leg."""
 
 RINGING_LIMIT_SHARE = 0.138
@@ -745,7 +745,7 @@ def unheard_energies(numbers: Mapping[str, float]) -> tuple[float, float, float]
     """Return the energies that faults of a drive may give over the way that it may go unheard [J].
 
     They are of a drive stuck at half of its largest effort, of a reversed one or one with three times the gain, and of
-    one without effort. Without a probe the way is the range of positions, or 1 rad or m where that is unlimited.
+    one without effort, with the friction at the velocity limit. Without a probe the way is the range of positions, or 1 rad or m where that is unlimited.
     `numbers` are those of a law and of its supervisor, by name.
     """
     body = {name.removeprefix("body_"): value for name, value in numbers.items() if name.startswith("body_")}
@@ -754,7 +754,8 @@ def unheard_energies(numbers: Mapping[str, float]) -> tuple[float, float, float]
         span = numbers["position_max"] - numbers["position_min"]
         travel = span if math.isfinite(span) else 1.0
     exchanged = numbers["push_limit"] - limit  # weight of the wearer that the law carries, or of the robot left
-    moving = body_resistance(body, numbers["velocity_limit"], weight)
+    speed = numbers["velocity_limit"]
+    moving = body_resistance(body, speed, weight) if math.isfinite(speed) else math.inf
     largest = min(carried_weight(numbers, weight) + moving + exchanged, limit)
     return stuck_effort(numbers["drive_limit"], limit) * travel, 2.0 * largest * travel, largest * travel
 
