@@ -177,7 +177,7 @@ def test_friction_that_grows_with_the_load_is_told_where_no_fitted_family_has_it
     case = case_of(sound, rng, load=0.1, families=("symmetric",))
     assert case.fit.estimate["gravity"].value > 1.02 * 4.0
     (told,) = joint_findings.report_missing_load_friction(case)
-    assert (told.kind, told.do) == ("warning", "Add 'load' to friction in [model].")
+    assert (told.kind, told.do) == ("warning", "Add 'load' to families in [model].")
 
 
 def test_torques_in_a_wrong_unit_are_doubted(sound, rng):

@@ -1157,7 +1157,7 @@ def report_missing_load_friction(case: JointCase) -> Iterator[Verdict]:
             f"Friction grows with the load: in cross-validation, the '{LOAD_FAMILY}' family has an error "
             f"{100.0 * (1.0 - other / own):.2g} % smaller than '{model.family}'. Without it, inertia and gravity may "
             "be biased beyond their intervals.",
-            f"Add '{LOAD_FAMILY}' to friction in [model].",
+            f"Add '{LOAD_FAMILY}' to families in [model].",
             weight=7.0,
         )
 
