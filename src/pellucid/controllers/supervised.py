@@ -745,7 +745,8 @@ def unheard_energies(numbers: Mapping[str, float]) -> tuple[float, float, float]
     """Return the energies that faults of a drive may give over the way that it may go unheard [J].
 
     They are of a drive stuck at half of its largest effort, of a reversed one or one with three times the gain, and of
-    one without effort, with the friction at the velocity limit. Without a probe the way is the range of positions, or 1 rad or m where that is unlimited.
+    one without effort, with the friction at the velocity limit. Without a probe the way is the range of positions, or
+    1 rad or m where that is unlimited.
     `numbers` are those of a law and of its supervisor, by name.
     """
     body = {name.removeprefix("body_"): value for name, value in numbers.items() if name.startswith("body_")}
