@@ -239,7 +239,8 @@ def start_up_wave_lines(numbers: Mapping[str, float], effort_unit: str) -> tuple
     if not effort > 0.0:
         return ()
     unit, duration = effort_unit.replace("*", "·"), 2e3 * numbers["test_samples"] * numbers["period"]
-    size = f"Start-up wave: {effort:.3g} {unit}, {100.0 * effort / limit:.0f} % of the effort limit, {duration:.0f} ms."
+    share = f"{100.0 * effort / limit:.0f} % of the effort limit"
+    size = f"Start-up wave: {effort:.3g} {unit}, {share}, {duration:.0f} ms, repeated if the response is too large."
     is_large = effort >= LARGE_WAVE_SHARE * limit
     return (size, *(("The wearer feels it: warn them before each start.",) if is_large else ()))
 
