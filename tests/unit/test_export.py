@@ -262,11 +262,11 @@ def test_the_start_up_wave_is_told_with_its_size_and_a_warning():
     """A wave of half of the effort limit was called small."""
     numbers = watched()
     share, duration = 100.0 * numbers["test_effort"] / 80.0, 2e3 * numbers["test_samples"] * 1e-3
-    size, warning = describe_drive_watch(numbers).details[-2:]
-    assert size.endswith(f" N·m, {share:.0f} % of the effort limit, {duration:.0f} ms, repeated if the response is too large.")
+    size, _, warning = describe_drive_watch(numbers).details[-3:]
+    assert size.endswith(f" N·m, {share:.0f} % of the effort limit, {duration:.0f} ms.")
     assert warning == "The wearer feels it: warn them before each start."
     calm = describe_drive_watch({**numbers, "test_effort": 4.0}).details
-    assert calm[-1].startswith("Start-up wave: 4 N·m, 5 % of the effort limit")
+    assert calm[-2].startswith("Start-up wave: 4 N·m, 5 % of the effort limit")
 
 
 def test_an_export_doubts_torques_that_no_worn_robot_has():

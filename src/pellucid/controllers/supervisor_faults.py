@@ -240,9 +240,10 @@ def start_up_wave_lines(numbers: Mapping[str, float], effort_unit: str) -> tuple
         return ()
     unit, duration = effort_unit.replace("*", "·"), 2e3 * numbers["test_samples"] * numbers["period"]
     share = f"{100.0 * effort / limit:.0f} % of the effort limit"
-    size = f"Start-up wave: {effort:.3g} {unit}, {share}, {duration:.0f} ms, repeated if the response is too large."
+    size = f"Start-up wave: {effort:.3g} {unit}, {share}, {duration:.0f} ms."
     is_large = effort >= LARGE_WAVE_SHARE * limit
-    return (size, *(("The wearer feels it: warn them before each start.",) if is_large else ()))
+    repeated = "It is repeated if the response is too large."
+    return (size, repeated, *(("The wearer feels it: warn them before each start.",) if is_large else ()))
 
 
 def _energy_lines(numbers: Mapping[str, float], effort_unit: str) -> list[str]:
