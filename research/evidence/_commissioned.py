@@ -13,15 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pellucid.controllers.commissioning import DRIVE_WAVE_FACTOR, DriveCheck, StartLog, drive_check
+from pellucid.controllers.commissioning import DRIVE_WAVE_FACTOR, START_COUNT, DriveCheck, StartLog, drive_check
 from pellucid.study.results import ResultRow
 from research.benchmarks._size import sized
 
 ROBOT_COUNT = sized(40, smallest=4)
 """Number of virtual robots."""
-
-START_COUNT = 10
-"""Number of starts of each robot."""
 
 SEED = 20290801
 """Seed of the robots, on which nothing was chosen."""
