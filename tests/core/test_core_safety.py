@@ -83,7 +83,7 @@ def test_what_is_allowed_passes():
         ("not_finite", dict(command=8.0, velocity=np.nan)),
         ("not_finite", dict(command=8.0, time=np.nan)),
         ("not_finite", dict(command=8.0, time=1e300)),
-        ("velocity", dict(command=8.0, position=-0.0201, velocity=-20.1)),
+        ("velocity", dict(command=8.0, position=-0.17, velocity=-20.1)),
         ("out_of_order", dict(command=8.0, time=0.05)),
         ("out_of_order", dict(command=8.0, sequence=50)),
         ("stale", dict(command=8.0, time=0.112)),
