@@ -63,6 +63,11 @@ template <class S> struct EncoderWatchState {
   std::uint32_t heard = 0;     ///< readings since the start, up to 3
 };
 
+/// Speed that a joint at rest may seem to have by its last two readings [rad/s].
+template <class S> S speed_at_rest(const EncoderWatchCoefficients<S>& c) noexcept {
+  return S(2) * c.params.resolution * c.inverse_period;
+}
+
 /// Return the fault of a reading relative to the last one, if any, and store it. A repeated reading changes nothing.
 template <class S>
 SafetyFault step(const EncoderWatchCoefficients<S>& c, EncoderWatchState<S>& s, const Sample<S>& reading) noexcept {

@@ -5,7 +5,7 @@
 // friction it is less or more by a factor, far more is a wrong gain. A joint whose weight rests on its friction may move
 // in the other half alone. That half then decides: with the wrong polarity it cannot return more than the first half
 // took. The test waits for rest, without effort, for as long as that takes. A wearer who trembles may do part of the work:
-// a gain is wrong if up to five waves say so, one after the other, each after a longer rest: what the last wave still
+// a gain is wrong if up to five waves say so, one after the other, with a longer rest between them: what the last wave still
 // moves is no answer to the next. The law takes over from a joint that has had time to come to rest again: one that the
 // wave still moves would meet the law's first effort as a kick.
 #pragma once
@@ -84,7 +84,7 @@ template <class S> std::uint32_t wrong_waves(const StartUpTestParams<S>& p, cons
 /// Takes note of a velocity and goes on one period: the effort of the wave [N m]. `done` becomes true after its last.
 template <class S> S step(const StartUpTestCoefficients<S>& c, StartUpTestState<S>& s, const S& period, const S& velocity,
                           const S& rest, bool& done) noexcept {
-  if (s.rested < c.params.rest * (1 + s.waves)) {
+  if (s.rested < c.params.rest * (s.waves > 0 ? 2u : 1u)) {
     s.drift = s.drift + S(0.0625) * (velocity - s.drift);
     s.rested = abs(s.drift) <= rest ? s.rested + 1 : 0;
     return S(0);

@@ -578,7 +578,7 @@ template <class L> void stay_stopped(Supervised<L>& s, SafetyFault found, bool h
   if (!is_finite(state.output) || mode_of(state) == Mode::latched) state.output = S(0);
   if (mode_of(state) == Mode::zero && state.output == S(0)) go(state, Mode::latched, fault_of(state));
 
-  const bool good = found == SafetyFault::none && heard && abs(velocity) <= c.params.rest_speed;
+  const bool good = found == SafetyFault::none && heard && abs(velocity) <= c.params.rest_speed + speed_at_rest(c.encoder);
   if (may_reset(state, good, token, c.params.healthy_samples, c.reset_periods)) start_again(s);
 }
 

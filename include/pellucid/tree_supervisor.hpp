@@ -534,7 +534,7 @@ void stay_stopped(TreeSupervised<L>& s, bool good, std::uint32_t token) noexcept
     }
     next = clamp(next, -limit, limit);
     state.output[k] = mode_of(state) == Mode::latched || !is_finite(next) ? S(0) : next;
-    rests = rests && abs(one.encoder.velocity) <= c.joint[k].params.rest_speed;
+    rests = rests && abs(one.encoder.velocity) <= c.joint[k].params.rest_speed + speed_at_rest(c.joint[k].encoder);
     moves = moves || state.output[k] != S(0);
   }
   if (mode_of(state) == Mode::zero && !moves) go(state, Mode::latched, fault_of(state));

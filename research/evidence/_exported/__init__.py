@@ -54,7 +54,7 @@ from .trials import (
 TUNING_SEED = 20261101
 """First seed of plants on which thresholds may be chosen."""
 
-JUDGED_SEED = 846423241
+JUDGED_SEED = 956858621
 """Seed of the plants of the proof, on which nothing was chosen."""
 
 PLANT_COUNT = sized(20, smallest=1)
