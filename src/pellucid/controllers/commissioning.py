@@ -242,6 +242,8 @@ def drive_check(starts: Sequence[StartLog], inertia: float) -> DriveCheck:
         gain = delay = math.nan
     else:
         require_enough("gain", gain, spread, len(whole))
+        if mean_error(spread, len(whole)) > MAX_GAIN_ERROR * gain:
+            gain = delay = math.nan
     return DriveCheck(sign, gain, spread, delay, len(whole))
 
 
@@ -282,9 +284,10 @@ def _is_whole(start: StartLog) -> bool:
 
 
 def _first_work(start: StartLog, inertia: float) -> float:
-    """Return the work of a wave's first half over that on a free joint [1].
+    """Return the work of a wave's first half over that on a free joint [1], beyond what the joint's own motion does.
 
-    That of the second half may be negative where the drive is late.
+    A joint that sinks before the wave goes on sinking. The work of the second half may be negative where the drive is
+    late.
     """
     pushed = np.flatnonzero(start.effort)
     first = int(pushed[0])
@@ -292,7 +295,10 @@ def _first_work(start: StartLog, inertia: float) -> float:
     end = first + int(turned[0]) if turned.size else int(pushed[-1]) + 1
     impulse = float(np.sum(start.effort[first : end - 1]) * np.median(np.diff(start.time)))
     free = impulse**2 / (2.0 * inertia)
-    return float(np.sum(start.effort[first : end - 1] * np.diff(start.position[first:end]))) / free
+    half = first // 2
+    sunk = start.position[first] - start.position[half]
+    drift = float(sunk / (start.time[first] - start.time[half])) if first > half else 0.0
+    return (float(np.sum(start.effort[first : end - 1] * np.diff(start.position[first:end]))) - impulse * drift) / free
 
 
 def _wave_alone(start: StartLog) -> StartLog | None:
