@@ -107,6 +107,9 @@ template <class S> void velocity() {
     check(gate.c.max_way == S(4) * gate.c.params.period, "way of a period");
     const S whole = gate.c.max_way, share = gate.c.smoothing;
     check(share > S(0) && share < S(0.5) && std::fabs(share - S(125) * gate.c.params.period) < S(1e-6), "125 a second");
+    auto slow = limits<S>();
+    slow.period = S(0.25);
+    check(p::coefficients(slow).smoothing == S(1), "a slow loop has nothing to smooth");
     S at = S(0.5);
     // Moves from a position with a smooth way before.
     const auto moved = [&](S by, S velocity, S before) {

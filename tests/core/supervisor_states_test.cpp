@@ -766,6 +766,10 @@ void resets() {
   for (const S way : {-1.0, 1.0}) {
     check(period_of_reset(r, way * 0.3, 1, F::none, true, true) == 16, "at rest");
     check(period_of_reset(r, way * (0.3 + more), 1, F::none, true, true) == 0, "not in motion");
+    Params coarse = r;
+    coarse.encoder.resolution = 0.0625 * period;  // by two readings that are off, 0.125 rad/s
+    check(period_of_reset(coarse, way * (0.3 + 0.125), 1, F::none, true, true) == 16, "at rest, by a coarse encoder");
+    check(period_of_reset(coarse, way * (0.3 + 0.125 + more), 1, F::none, true, true) == 0, "beyond its error");
   }
   Params half = r;
   half.healthy_samples = 16;
