@@ -258,7 +258,7 @@ def _energy_lines(numbers: Mapping[str, float], effort_unit: str) -> list[str]:
         known = numbers["probe_answer_error"] > 0.0
         head = "Largest energy of a fault on this robot" + ("" if known else ", once commissioned")
         before = () if known else ("Before, it may miss faults in the first movement: run pellucid commission.",)
-        return [f"{head}:", *listed, "A lower velocity limit in [rig.limits] reduces it.", *before]
+        return [f"{head}:", *listed, *SATURATED_DRIVE, "A lower velocity limit in [rig.limits] reduces it.", *before]
     low, high = numbers["position_min"], numbers["position_max"]
     is_limited = math.isfinite(low) and math.isfinite(high)
     head = "over the range of positions" if is_limited else f"over 1 {DISTANCE_UNITS[effort_unit]}"
@@ -277,6 +277,13 @@ DISTANCE_UNITS: Mapping[str, str] = {"N*m": "rad", "N": "m"}
 
 UNHEARD_FAULTS = ("effort stuck at half of its limit", "reversed polarity or three times the effort", "no effort")
 """Faults of a drive whose energies `unheard_energies` returns."""
+
+
+SATURATED_DRIVE = (
+    "A drive that saturates near the effort limit may hide three times the effort:",
+    "check the gain by pellucid commission after each change of drive or wiring.",
+)
+"""Lines on the fault whose energy the travel of a probe does not bound."""
 
 
 def _listed(faults: tuple[str, ...]) -> list[str]:
