@@ -551,3 +551,20 @@ def test_a_log_without_parameters_prints_no_empty_table(tmp_path):
     done = run(path, "--out", tmp_path / "out")
     assert "synergies" in done.output
     assert "Parameter" not in done.output
+
+
+@pytest.mark.parametrize("cell", ["inf", "-inf", "1e300"])
+def test_a_cell_that_is_no_measurement_is_a_missing_one(tmp_path, capfd, cell):
+    """One such cell ended in a fault of Pellucid's own, after warnings of NumPy."""
+    time = 0.002 * np.arange(10001)
+    angle = np.rad2deg(0.6 * np.sin(4.0 * time) + 0.3 * np.sin(1.3 * time))
+    bend = np.gradient(np.gradient(np.deg2rad(angle), time), time)
+    current = 0.015 * bend + 1.5 * np.sin(np.deg2rad(angle))
+    rows = [f"{1e3 * t:.0f},{q:.4f},{i:.4f}" for t, q, i in zip(time, angle, current, strict=True)]
+    rows[77] = rows[77].replace(rows[77].split(",")[1], cell)
+    log = tmp_path / "log.csv"
+    log.write_text("time_ms,wrist_angle_deg,motor_current_A\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    made = CliRunner().invoke(app, ["try", str(log)])
+    assert made.exception is None or isinstance(made.exception, SystemExit)
+    assert "fault of Pellucid" not in made.output
+    assert "DLASCL" not in capfd.readouterr().out

@@ -31,6 +31,9 @@ IGNORED_ENDINGS = (
 SHEET_ENDINGS = (".xlsx", ".xlsm", ".ods")
 """Endings of workbooks."""
 
+MAX_READ_NUMBER = 1e100
+"""Largest number of a table that is one; times in nanoseconds since 1970 have 19 digits."""
+
 MIN_TABLE_ROWS = 8
 """A table has at least so many rows; shorter columns are constants and settings."""
 
@@ -174,19 +177,29 @@ def tables_of_columns(columns: Columns) -> list[GivenTable]:
     keys = columns.recordings or _trial_keys(long)
     if keys:
         return [
-            replace(empty, columns=_without_zeroed_rows(part), key=key, facts=_facts_of(facts, key, keys))
+            replace(empty, columns=_without_fillers(part), key=key, facts=_facts_of(facts, key, keys))
             for key in keys
             for part in _by_length(_below(long, key)).values()
             if len(part) > 1 or len(keys) == 1
         ]
     parts = _parts(long, has_sheets=path.suffix.lower() in SHEET_ENDINGS)
-    return [replace(empty, columns=_without_zeroed_rows(part), key=key) for key, part in parts]
+    return [replace(empty, columns=_without_fillers(part), key=key) for key, part in parts]
 
 
-def _without_zeroed_rows(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return a table's columns without packets that were filled with zeros, as a study reads them."""
+def _without_fillers(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return a table's columns without packets that were filled with zeros, as a study reads them.
+
+    Numbers beyond `MAX_READ_NUMBER`, infinite ones among them, are missing ones.
+    """
     zeroed = zeroed_rows(columns)
-    return {name: x[~zeroed] for name, x in columns.items()} if zeroed.any() else columns
+    columns = {name: x[~zeroed] for name, x in columns.items()} if zeroed.any() else columns
+    return {name: _without_huge(x) for name, x in columns.items()}
+
+
+def _without_huge(values: np.ndarray) -> np.ndarray:
+    """Return a column with NaN in place of numbers beyond `MAX_READ_NUMBER`."""
+    huge = np.abs(values) > MAX_READ_NUMBER
+    return np.where(huge, np.nan, values) if huge.any() else values
 
 
 def _below(values: Mapping[str, np.ndarray], key: str) -> dict[str, np.ndarray]:
