@@ -134,11 +134,11 @@ def test_the_worst_fault_of_a_group_is_found_in_time_and_bounded(measured, group
     assert len(found) >= 9
     assert all(trial.is_found and not trial.early for trial in found)
     longest, most = GROUP_BOUNDS[group]
-    # A wrong gain at the start is told by three waves, each after a rest.
+    # A wrong gain at the start is told by up to five waves, each after a rest.
     running, starting = ([t for t in found if trials.KINDS[t.kind].at_start == starts] for starts in (False, True))
     assert max(trial.found for trial in running) < longest
     assert max(trial.excess for trial in running) < most
-    assert max((trial.excess for trial in starting), default=0.0) < 3 * 0.15
+    assert max((trial.excess for trial in starting), default=0.0) < 5 * 0.15
 
 
 def test_a_measured_drive_that_answers_late_is_found(measured):

@@ -157,32 +157,32 @@ SUPERVISOR_FAULTS_BY_NAME: Mapping[str, SupervisorFault] = {
 # Fifteen laws, as `pellucid export` wrote them, worn on twenty foreign plants (`evidence._exported`). Runs lasted ten
 # seconds after the onset of the fault. A test compares these words with the stored results.
 UNMEASURED_FAULTS = (
-    "reversed polarity: detected in 80 of 300 runs, up to 11 J",
-    "three times the effort: detected in 61 of 285 runs, up to 42 J",
-    "effort stuck at a value: detected in 85 of 300 runs, up to 22 J",
-    "no effort: detected in 63 of 300 runs, up to 5.2 J",
+    "reversed polarity: detected in 79 of 300 runs, up to 11 J",
+    "three times the effort: detected in 64 of 286 runs, up to 32 J",
+    "effort stuck at a value: detected in 84 of 300 runs, up to 25 J",
+    "no effort: detected in 60 of 300 runs, up to 5.9 J",
 )
 """Faults of a drive without a measurement of its effort, their detection rates, and the largest excess energy delivered
 to the limb."""
 
 PROBED_FAULTS = (
-    "reversed polarity: detected in 300 of 300 runs, up to 2 J",
-    "three times the effort: detected in 300 of 300 runs, up to 2.9 J",
-    "effort stuck at a value: detected in 300 of 300 runs, up to 3.8 J",
-    "no effort: detected in 300 of 300 runs, up to 0.95 J",
+    "reversed polarity: detected in 300 of 300 runs, up to 1.4 J",
+    "three times the effort: detected in 300 of 300 runs, up to 2.8 J",
+    "effort stuck at a value: detected in 300 of 300 runs, up to 3.5 J",
+    "no effort: detected in 300 of 300 runs, up to 0.84 J",
 )
 """Detection rates and largest excess energy of the same faults if the supervisor probes and was commissioned."""
 
 MEASURED_FAULTS = (
-    "reversed polarity: detected in 300 of 300 runs, up to 0.0064 J",
-    "three times the effort: detected in 300 of 300 runs, up to 0.0054 J",
-    "effort stuck at a value: detected in 300 of 300 runs, up to 0.0092 J",
-    "no effort: detected in 300 of 300 runs, up to 0.16 J",
+    "reversed polarity: detected in 300 of 300 runs, up to 0.0077 J",
+    "three times the effort: detected in 300 of 300 runs, up to 0.0034 J",
+    "effort stuck at a value: detected in 300 of 300 runs, up to 0.018 J",
+    "no effort: detected in 300 of 300 runs, up to 0.15 J",
 )
 """The same with a measurement of the drive."""
 
 UNSEEN_FAULTS = (
-    "three times the effort, with a current sensor that reads a third: detected in 71 of 284 runs, up to 21 J",
+    "three times the effort, with a current sensor that reads a third: detected in 67 of 284 runs, up to 20 J",
 )
 """The same with a measurement that has the drive's own fault."""
 
