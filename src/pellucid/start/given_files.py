@@ -197,7 +197,7 @@ def _without_fillers(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _without_huge(values: np.ndarray) -> np.ndarray:
-    """Return a column with NaN in place of numbers beyond `MAX_READ_NUMBER`."""
+    """Return a column with NaN instead of numbers beyond `MAX_READ_NUMBER`."""
     huge = np.abs(values) > MAX_READ_NUMBER
     return np.where(huge, np.nan, values) if huge.any() else values
 
