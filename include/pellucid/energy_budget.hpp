@@ -4,9 +4,11 @@
 // What is left of an effort beyond weight and friction reaches a wearer who holds still. An effort within its limit that
 // goes the way the robot's weight does pushes harder than the limit.
 //
-// Power counts as its mean over some 20 ms: what an encoder's counts and noise make of one period is nothing that a drive
-// gives. Lifting its own weight is no gift: that work comes back. What friction is known to take refills the store, and so does
+// Lifting its own weight is no gift: that work comes back. What friction is known to take refills the store, and so does
 // a small steady power. What is left went into speed, or into the wearer.
+//
+// Power counts as its mean over some 20 ms: what an encoder's counts and noise make of one period is nothing that a
+// drive gives.
 #pragma once
 
 #include "fields.hpp"

@@ -5,9 +5,9 @@
 // friction it is less or more by a factor, far more is a wrong gain. A joint whose weight rests on its friction may move
 // in the other half alone. That half then decides: with the wrong polarity it cannot return more than the first half
 // took. The test waits for rest, without effort, for as long as that takes. A wearer who trembles may do part of the work:
-// a gain is wrong if up to five waves say so, one after the other, with a longer rest between them: what the last wave still
-// moves is no answer to the next. The law takes over from a joint that has had time to come to rest again: one that the
-// wave still moves would meet the law's first effort as a kick.
+// a gain is wrong if up to five waves say so, one after the other, with a longer rest between them: what the last wave
+// still moves is no answer to the next. The law takes over from a joint that has had time to come to rest again: one that
+// the wave still moves would meet the law's first effort as a kick.
 #pragma once
 
 #include "fields.hpp"

@@ -746,8 +746,7 @@ def unheard_energies(numbers: Mapping[str, float]) -> tuple[float, float, float]
 
     They are of a drive stuck at half of its largest effort, of a reversed one or one with three times the gain, and of
     one without effort, with the friction at the velocity limit. Without a probe the way is the range of positions, or
-    1 rad or m where that is unlimited.
-    `numbers` are those of a law and of its supervisor, by name.
+    1 rad or m where that is unlimited. `numbers` are those of a law and of its supervisor, by name.
     """
     body = {name.removeprefix("body_"): value for name, value in numbers.items() if name.startswith("body_")}
     weight, limit, travel = weight_of(body), numbers["effort_limit"], numbers["probe_travel"]

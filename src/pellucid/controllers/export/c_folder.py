@@ -109,7 +109,6 @@ def c_content(study: str, values: ControllerValues) -> dict[str, Any]:
         "notes": values.all_notes,
         "instruments": values.listed_instruments,
         "watch": describe_drive_watch({**values.numbers, **values.supervised.supervision}, values.effort_unit),
-        "is_measured": values.instruments.drive,
         "period": values.numbers["period"],
         "supervision": values.supervised.supervision,
         "supervisor": model_fields("supervisor"),

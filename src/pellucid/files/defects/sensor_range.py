@@ -242,8 +242,8 @@ def _regression(of: _Prepared, share: float) -> tuple[np.ndarray, float] | None:
 
     The regression leaves out the largest efforts of both signs alike. None where it explains too little.
     """
-    bound, top = (1.0 - share) * of.half, of.top[1.0]
-    low, high = top - 2.0 * of.half + bound, top - bound
+    bound = (1.0 - share) * of.half
+    low, high = bound - of.top[-1.0], of.top[1.0] - bound
     core = of.usable & (of.recorded > low)
     core &= of.recorded < high
     least = RANGE_LIMITS.min_core_share * np.count_nonzero(of.usable)
